@@ -1,0 +1,166 @@
+"""The service's configuration: one TOML file, typed, with defaults that drive. docs/configuration.md describes every key."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+from msgspec import Meta
+
+from echogrid.core.inverse_sensor_model import BeamModel
+from echogrid.core.mount import Mount
+from echogrid.core.raster import GridSpec
+from echogrid.core.se2 import SE2
+from echogrid.core.static_gate import GateNoise
+from echogrid.errors import EchogridError
+from echogrid.io.toml import Table, load
+
+Positive = Annotated[float, Meta(gt=0)]
+Name = Annotated[str, Meta(pattern="^[A-Za-z0-9_-]+$")]  # goes into Zenoh keys
+BUMPER = 0.2  # m: how far outside the outline a radar may sit, behind a bumper
+
+
+class Body(Table):
+    """The car's outline in base: the rear-axle centre is `rear_overhang` before its rear end."""
+
+    length: Positive = 4.9
+    width: Positive = 1.9
+    rear_overhang: Positive = 1.0
+
+
+class Bus(Table):
+    """One CAN bus: python-can's interface and channel. In a log, frames of `log_channel` (default: `channel`) belong to it."""
+
+    name: Name
+    interface: str = "socketcan"
+    channel: str = "can0"
+    fd: bool = True
+    bitrate: int | None = None
+    data_bitrate: int | None = None
+    log_channel: str | int | None = None
+
+
+class Motion(Table):
+    """Where ego motion comes from; `wheel_radius` (m) only for profiles whose wheel speeds are turn rates."""
+
+    bus: str
+    profile: str = "vehicle_motion"
+    dbc: str | None = None
+    wheel_radius: Positive | None = None
+
+
+class Radar(Table):
+    """One radar: its traffic, and its mount in base (x forward and y left of the rear axle's centre, yaw counter-clockwise)."""
+
+    name: Name
+    bus: str
+    x: float  # m
+    y: float  # m
+    yaw_deg: float
+    profile: str = "corner_radar"
+    dbc: str | None = None
+    id_offset: int = 0  # added to every id of the DBC
+    fov_deg: Annotated[float, Meta(gt=0, le=360)] = 150.0  # the full angle
+    max_range: Positive = 25.0  # m
+
+    def mount(self) -> Mount:
+        """`base_from_sensor` and the field of view."""
+        return Mount(SE2(self.x, self.y, math.radians(self.yaw_deg)), math.radians(self.fov_deg) / 2, self.max_range)
+
+
+class Grid(Table):
+    cells: Annotated[int, Meta(ge=16, le=1024)] = 128
+    cell: Positive = 30.0 / 128  # m
+
+    def spec(self) -> GridSpec:
+        return GridSpec(self.cells, self.cell)
+
+
+class Gate(Table):
+    """One-sigma errors (SI), and how many sigmas of range-rate residual still count as static."""
+
+    range_rate: Positive = GateNoise.range_rate
+    azimuth_deg: Positive = math.degrees(GateNoise.azimuth)
+    speed: float = GateNoise.speed
+    yaw_rate_deg_s: float = math.degrees(GateNoise.yaw_rate)
+    sigmas: Positive = GateNoise.sigmas
+
+    def noise(self) -> GateNoise:
+        return GateNoise(
+            self.range_rate, math.radians(self.azimuth_deg), self.speed, math.radians(self.yaw_rate_deg_s), self.sigmas
+        )
+
+
+class SensorModel(Table):
+    """The analytic inverse sensor model's log-odds for one detection."""
+
+    occupied: Positive = BeamModel.occupied
+    free: Annotated[float, Meta(le=0)] = BeamModel.free
+    beam_sigma_deg: Positive = math.degrees(BeamModel.beam_sigma)
+
+    def beam(self) -> BeamModel:
+        return BeamModel(self.occupied, self.free, math.radians(self.beam_sigma_deg))
+
+
+class Map(Table):
+    cycle_ms: Positive = 50.0
+    max_age_ms: Positive = 200.0  # older scans are late
+    clamp: Positive = 3.5
+    max_tiles: Annotated[int, Meta(ge=16)] = 4096
+
+
+class Publish(Table):
+    """Zenoh. By default on this machine's loopback alone, without scouting."""
+
+    listen: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
+    connect: tuple[str, ...] = ()
+    window_cells: Annotated[int, Meta(ge=16, le=4096)] = 256
+    rate_hz: Positive = 10.0
+
+
+class Config(Table):
+    bus: tuple[Bus, ...]
+    motion: Motion
+    radar: tuple[Radar, ...]
+    vehicle: Name = "car"
+    body: Body = Body()
+    grid: Grid = Grid()
+    gate: Gate = Gate()
+    sensor_model: SensorModel = SensorModel()
+    map: Map = Map()
+    publish: Publish = Publish()
+
+
+def load_config(path: Path) -> Config:
+    """Reads and checks a configuration file. Raises EchogridError with one sentence that names the file and the key."""
+    config = load(path, Config)
+    problem = next(_problems(config), None)
+    if problem is not None:
+        raise EchogridError(f"{path}: {problem}")
+    return config
+
+
+def _problems(config: Config) -> Iterator[str]:
+    """What the types cannot say, one sentence each."""
+    buses = [bus.name for bus in config.bus]
+    for key, names in (("bus", buses), ("radar", [radar.name for radar in config.radar])):
+        if not names:
+            yield f"{key}: none is configured, expected at least one [[{key}]]"
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                yield f"{key}[{index}].name: '{name}' is taken already"
+    known = ", ".join(buses)
+    if config.motion.bus not in buses:
+        yield f"motion.bus: no [[bus]] is named '{config.motion.bus}', found {known}"
+    body = config.body
+    for index, radar in enumerate(config.radar):
+        if radar.bus not in buses:
+            yield f"radar[{index}].bus: no [[bus]] is named '{radar.bus}', found {known}"
+        rear, front, side = -body.rear_overhang, body.length - body.rear_overhang, body.width / 2
+        if not rear - BUMPER <= radar.x <= front + BUMPER or abs(radar.y) > side + BUMPER:
+            yield (
+                f"radar[{index}]: '{radar.name}' is mounted at x = {radar.x:g}, y = {radar.y:g} m, outside the car, "
+                f"which reaches from x = {rear:g} to {front:g} and y = {-side:g} to {side:g} m in base (see [body])"
+            )

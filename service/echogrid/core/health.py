@@ -1,0 +1,36 @@
+"""Counters of all that went wrong, and of all that went right. Nothing is dropped without adding to one of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(slots=True)
+class SensorHealth:
+    """One radar's counters since the start. Scans are `complete`, `incomplete` or `late`; the rest are frames or detections."""
+
+    complete: int = 0
+    incomplete: int = 0  # a frame was missing when the next cycle began, or the time-out passed
+    late: int = 0  # complete, but too old to be placed, or not newer than the last one
+    repeated: int = 0  # frames, headers or whole cycles received twice
+    wrong_cycle: int = 0  # detection frames that belong to no open cycle
+    bad_crc: int = 0  # cycles, or single frames where each has its own, whose checksum is wrong
+    invalid: int = 0  # detections flagged invalid by the sensor, or with a value that is no number
+    truncated: int = 0  # detections beyond `max_detections`, the farthest first
+
+
+@dataclass(slots=True)
+class Health:
+    """Counters of one run of the service or one replay."""
+
+    frames: int = 0
+    unknown_frames: int = 0  # ids that the configuration does not name: normal on a shared bus
+    bad_frames: int = 0  # too short, remote or error frames, wrong checksum, repeated counter, no number, back in time
+    lost_frames: int = 0  # by the counters of motion messages: how many are missing
+    motion_dropped: int = 0  # ego motion not newer than the last one
+    cycles: int = 0
+    scans_without_pose: int = 0  # before the first ego motion, or while it was lost
+    detections: int = 0
+    static_detections: int = 0
+    tiles_forgotten: int = 0
+    sensors: dict[str, SensorHealth] = field(default_factory=dict)

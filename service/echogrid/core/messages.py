@@ -1,0 +1,51 @@
+"""What travels between the steps: frozen, in SI units and radians, stamped with the time of measurement.
+
+`stamp_ns` is the time of measurement (kernel receive time less the age that the sensor reports), `received_ns` the kernel receive time.
+Axes: x forward, y left, yaw and azimuth counter-clockwise positive (ISO 8855, REP-103).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RadarScan:
+    """All detections of one measurement cycle of one radar, in the sensor's frame (x along boresight)."""
+
+    sensor: str
+    stamp_ns: int
+    received_ns: int
+    range: Floats  # (N,) m
+    azimuth: Floats  # (N,) rad, counter-clockwise (left) positive
+    range_rate: Floats  # (N,) m/s, d(range)/dt: positive is receding
+    rcs: Floats  # (N,) dBsm; NaN where the sensor reports none
+    ambiguity: float = 0.0  # m/s: range rates are known modulo this; 0 where unambiguous
+    blockage: float = 0.0  # 0 clear … 1 blind
+
+    def __len__(self) -> int:
+        return len(self.range)
+
+
+@dataclass(frozen=True, slots=True)
+class Speed:
+    """Speed of the rear-axle centre along x; negative in reverse."""
+
+    stamp_ns: int
+    speed: float  # m/s
+
+
+@dataclass(frozen=True, slots=True)
+class YawRate:
+    """Turn rate about z, counter-clockwise positive."""
+
+    stamp_ns: int
+    yaw_rate: float  # rad/s
+
+
+EgoMotion = Speed | YawRate

@@ -1,0 +1,50 @@
+"""Rigid transforms of the plane, named `a_from_b` so that they cancel by eye."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Points = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class SE2:
+    """`a_from_b`: the pose of frame b in frame a. Metres and radians, x forward, y left, yaw counter-clockwise (ISO 8855)."""
+
+    x: float
+    y: float
+    yaw: float
+
+    def __matmul__(self, other: SE2) -> SE2:
+        """`a_from_c = a_from_b @ b_from_c`; yaw is added, not wrapped, so that a trajectory's yaw is continuous."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return SE2(self.x + c * other.x - s * other.y, self.y + s * other.x + c * other.y, self.yaw + other.yaw)
+
+    def inverse(self) -> SE2:
+        """`b_from_a`."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return SE2(-c * self.x - s * self.y, s * self.x - c * self.y, -self.yaw)
+
+    def apply(self, points_b: Points) -> Points:
+        """Points (N, 2) from frame b into frame a."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        rotation = np.array(((c, -s), (s, c)))
+        return points_b @ rotation.T + (self.x, self.y)
+
+
+IDENTITY = SE2(0.0, 0.0, 0.0)
+
+
+def arc(distance: float, turn: float) -> SE2:
+    """Motion along a circular arc of length `distance` (m) that turns by `turn` (rad): the exponential map of SE(2) for (distance, 0, turn).
+
+    Exact for constant speed and yaw rate. Near turn = 0 the series is used, so a straight line is no special case.
+    """
+    if abs(turn) < 1e-4:  # below, sin(t)/t and (1 - cos t)/t lose digits; the next terms are under 1e-17
+        return SE2(distance * (1.0 - turn * turn / 6.0), distance * turn / 2.0 * (1.0 - turn * turn / 12.0), turn)
+    radius = distance / turn
+    return SE2(radius * math.sin(turn), radius * (1.0 - math.cos(turn)), turn)

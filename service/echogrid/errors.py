@@ -1,0 +1,8 @@
+"""The one exception a person is meant to read."""
+
+
+class EchogridError(Exception):
+    """One sentence that names the file, the key or frame, what was found and what was expected.
+
+    The command line prints it without a traceback and exits with 1.
+    """
