@@ -20,9 +20,10 @@ from echogrid.io.toml import Table, load
 Positive = Annotated[float, Meta(gt=0)]
 Name = Annotated[str, Meta(pattern="^[A-Za-z0-9_-]+$")]  # goes into Zenoh keys
 BUMPER = 0.2  # m: how far outside the outline a radar may sit, behind a bumper
+NOISE, BEAM = GateNoise(), BeamModel()
 
 
-class Body(Table):
+class Body(Table, frozen=True):
     """The car's outline in base: the rear-axle centre is `rear_overhang` before its rear end."""
 
     length: Positive = 4.9
@@ -30,7 +31,7 @@ class Body(Table):
     rear_overhang: Positive = 1.0
 
 
-class Bus(Table):
+class Bus(Table, frozen=True):
     """One CAN bus: python-can's interface and channel. In a log, frames of `log_channel` (default: `channel`) belong to it."""
 
     name: Name
@@ -42,7 +43,7 @@ class Bus(Table):
     log_channel: str | int | None = None
 
 
-class Motion(Table):
+class Motion(Table, frozen=True):
     """Where ego motion comes from; `wheel_radius` (m) only for profiles whose wheel speeds are turn rates."""
 
     bus: str
@@ -51,7 +52,7 @@ class Motion(Table):
     wheel_radius: Positive | None = None
 
 
-class Radar(Table):
+class Radar(Table, frozen=True):
     """One radar: its traffic, and its mount in base (x forward and y left of the rear axle's centre, yaw counter-clockwise)."""
 
     name: Name
@@ -70,7 +71,7 @@ class Radar(Table):
         return Mount(SE2(self.x, self.y, math.radians(self.yaw_deg)), math.radians(self.fov_deg) / 2, self.max_range)
 
 
-class Grid(Table):
+class Grid(Table, frozen=True):
     cells: Annotated[int, Meta(ge=16, le=1024)] = 128
     cell: Positive = 30.0 / 128  # m
 
@@ -78,40 +79,38 @@ class Grid(Table):
         return GridSpec(self.cells, self.cell)
 
 
-class Gate(Table):
+class Gate(Table, frozen=True):
     """One-sigma errors (SI), and how many sigmas of range-rate residual still count as static."""
 
-    range_rate: Positive = GateNoise.range_rate
-    azimuth_deg: Positive = math.degrees(GateNoise.azimuth)
-    speed: float = GateNoise.speed
-    yaw_rate_deg_s: float = math.degrees(GateNoise.yaw_rate)
-    sigmas: Positive = GateNoise.sigmas
+    range_rate: Positive = NOISE.range_rate
+    azimuth_deg: Positive = math.degrees(NOISE.azimuth)
+    speed: float = NOISE.speed
+    yaw_rate_deg_s: float = math.degrees(NOISE.yaw_rate)
+    sigmas: Positive = NOISE.sigmas
 
     def noise(self) -> GateNoise:
-        return GateNoise(
-            self.range_rate, math.radians(self.azimuth_deg), self.speed, math.radians(self.yaw_rate_deg_s), self.sigmas
-        )
+        return GateNoise(self.range_rate, math.radians(self.azimuth_deg), self.speed, math.radians(self.yaw_rate_deg_s), self.sigmas)
 
 
-class SensorModel(Table):
+class SensorModel(Table, frozen=True):
     """The analytic inverse sensor model's log-odds for one detection."""
 
-    occupied: Positive = BeamModel.occupied
-    free: Annotated[float, Meta(le=0)] = BeamModel.free
-    beam_sigma_deg: Positive = math.degrees(BeamModel.beam_sigma)
+    occupied: Positive = BEAM.occupied
+    free: Annotated[float, Meta(le=0)] = BEAM.free
+    beam_sigma_deg: Positive = math.degrees(BEAM.beam_sigma)
 
     def beam(self) -> BeamModel:
         return BeamModel(self.occupied, self.free, math.radians(self.beam_sigma_deg))
 
 
-class Map(Table):
+class Map(Table, frozen=True):
     cycle_ms: Positive = 50.0
     max_age_ms: Positive = 200.0  # older scans are late
     clamp: Positive = 3.5
     max_tiles: Annotated[int, Meta(ge=16)] = 4096
 
 
-class Publish(Table):
+class Publish(Table, frozen=True):
     """Zenoh. By default on this machine's loopback alone, without scouting."""
 
     listen: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
@@ -120,7 +119,7 @@ class Publish(Table):
     rate_hz: Positive = 10.0
 
 
-class Config(Table):
+class Config(Table, frozen=True):
     bus: tuple[Bus, ...]
     motion: Motion
     radar: tuple[Radar, ...]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 
 @dataclass(slots=True)
@@ -17,6 +17,10 @@ class SensorHealth:
     bad_crc: int = 0  # cycles, or single frames where each has its own, whose checksum is wrong
     invalid: int = 0  # detections flagged invalid by the sensor, or with a value that is no number
     truncated: int = 0  # detections beyond `max_detections`, the farthest first
+
+    def as_dict(self) -> dict[str, int]:
+        """For reports."""
+        return asdict(self)
 
 
 @dataclass(slots=True)

@@ -64,9 +64,7 @@ class OccupancyMap:
         rows = [row for row, _ in self.tiles]
         columns = [column for _, column in self.tiles]
         first_row, first_column = min(rows) * TILE, min(columns) * TILE
-        everything = self.window(
-            first_row, first_column, (max(rows) + 1) * TILE - first_row, (max(columns) + 1) * TILE - first_column
-        )
+        everything = self.window(first_row, first_column, (max(rows) + 1) * TILE - first_row, (max(columns) + 1) * TILE - first_column)
         seen_rows = np.flatnonzero(everything.any(axis=1))
         seen_columns = np.flatnonzero(everything.any(axis=0))
         if not len(seen_rows):

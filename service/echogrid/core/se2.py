@@ -33,16 +33,18 @@ class SE2:
         """Points (N, 2) from frame b into frame a."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         rotation = np.array(((c, -s), (s, c)))
-        return points_b @ rotation.T + (self.x, self.y)
+        points_a: Points = points_b @ rotation.T + (self.x, self.y)
+        return points_a
 
 
 IDENTITY = SE2(0.0, 0.0, 0.0)
 
 
 def arc(distance: float, turn: float) -> SE2:
-    """Motion along a circular arc of length `distance` (m) that turns by `turn` (rad): the exponential map of SE(2) for (distance, 0, turn).
+    """Motion along a circular arc of length `distance` (m) that turns by `turn` (rad).
 
-    Exact for constant speed and yaw rate. Near turn = 0 the series is used, so a straight line is no special case.
+    The exponential map of SE(2) for (distance, 0, turn), exact for constant speed and yaw rate. Near turn = 0 the series is
+    used, so a straight line is no special case.
     """
     if abs(turn) < 1e-4:  # below, sin(t)/t and (1 - cos t)/t lose digits; the next terms are under 1e-17
         return SE2(distance * (1.0 - turn * turn / 6.0), distance * turn / 2.0 * (1.0 - turn * turn / 12.0), turn)

@@ -63,10 +63,6 @@ def is_static(
     """
     predicted, by_azimuth = static_range_rate(azimuth, mount, speed, yaw_rate)
     lever = np.hypot(mount.base_from_sensor.x, mount.base_from_sensor.y)
-    variance = (
-        noise.range_rate**2
-        + (by_azimuth * noise.azimuth) ** 2
-        + (predicted * noise.speed) ** 2
-        + (lever * noise.yaw_rate) ** 2
-    )
-    return fold(range_rate - predicted, ambiguity) ** 2 <= noise.sigmas**2 * variance
+    variance = noise.range_rate**2 + (by_azimuth * noise.azimuth) ** 2 + (predicted * noise.speed) ** 2 + (lever * noise.yaw_rate) ** 2
+    inside: NDArray[np.bool_] = fold(range_rate - predicted, ambiguity) ** 2 <= noise.sigmas**2 * variance
+    return inside

@@ -6,6 +6,7 @@ hold `{n}`, the number of the message, and `{k}`, the number of the detection in
 
 from __future__ import annotations
 
+import math
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Literal
@@ -15,29 +16,21 @@ from msgspec import Meta
 from echogrid.errors import EchogridError
 from echogrid.io.toml import Table, load
 
-# Factor from the unit to SI. Wheel turn rates need the tyre's radius as well.
+# Factor from each unit to SI, by what it measures.
 UNITS = {
-    "m": 1.0,
-    "cm": 0.01,
-    "m/s": 1.0,
-    "km/h": 1 / 3.6,
-    "rad": 1.0,
-    "deg": 0.017453292519943295,
-    "rad/s": 1.0,
-    "deg/s": 0.017453292519943295,
-    "rpm": 0.10471975511965977,
-    "s": 1.0,
-    "ms": 1e-3,
-    "us": 1e-6,
-    "dBsm": 1.0,
-    "%": 0.01,
-    "1": 1.0,
+    "length": {"m": 1.0, "cm": 0.01},
+    "speed": {"m/s": 1.0, "km/h": 1 / 3.6},
+    "angle": {"rad": 1.0, "deg": math.pi / 180},
+    "turn rate": {"rad/s": 1.0, "deg/s": math.pi / 180, "rpm": 2 * math.pi / 60},
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
+    "radar cross section": {"dBsm": 1.0},
+    "share": {"1": 1.0, "%": 0.01},
 }
-Unit = Literal["m", "cm", "m/s", "km/h", "rad", "deg", "rad/s", "deg/s", "rpm", "s", "ms", "us", "dBsm", "%", "1"]
+FACTORS = {unit: factor for units in UNITS.values() for unit, factor in units.items()}
 Sign = Literal[1, -1]
 
 
-class Valid(Table):
+class Valid(Table, frozen=True):
     """Holds where the raw value of the signal is one of `one_of`, or none of `none_of`."""
 
     signal: str
@@ -49,25 +42,41 @@ class Valid(Table):
             raise ValueError(f"'{self.signal}' needs either one_of or none_of")
 
 
-class Quantity(Table):
+class Quantity(Table, frozen=True):
     """Physical value = sign * unit factor * the DBC's value + offset (SI); `negative_if` is a sign bit in a signal of its own."""
 
     signal: str
-    unit: Unit
+    unit: str
     sign: Sign = 1
     offset: float = 0.0
     negative_if: Valid | None = None
     valid: Valid | None = None
 
+    def __post_init__(self) -> None:
+        if self.unit not in FACTORS:
+            raise ValueError(f"'{self.unit}' is no unit that is known, expected one of {', '.join(FACTORS)}")
 
-class FrameCrc(Table):
+    @property
+    def factor(self) -> float:
+        """From the DBC's value to SI, with the sign turned."""
+        return self.sign * FACTORS[self.unit]
+
+
+def _measures(dimension: str, **quantities: Quantity | None) -> None:
+    """Raises ValueError where a quantity has a unit of something else."""
+    for key, quantity in quantities.items():
+        if quantity is not None and quantity.unit not in UNITS[dimension]:
+            raise ValueError(f"{key} is a {dimension}, but '{quantity.unit}' is not; expected one of {', '.join(UNITS[dimension])}")
+
+
+class FrameCrc(Table, frozen=True):
     """A checksum over the frame's other bytes; `algorithm` is one of fastcrc's, such as crc8.sae_j1850."""
 
     signal: str
     algorithm: str
 
 
-class CycleCrc(Table):
+class CycleCrc(Table, frozen=True):
     """A checksum over a whole cycle: the header without the checksum's own bytes, then the detection frames by slot.
 
     `message` is the header or a message of its own, which then ends the cycle and is not summed itself.
@@ -78,16 +87,22 @@ class CycleCrc(Table):
     algorithm: str
 
 
-class Header(Table):
+class Header(Table, frozen=True):
     message: str
     cycle: str | None = None
     count: tuple[str, ...] = ()  # summed: some sensors count near and far apart
     age: Quantity | None = None
+    age_message: str | None = None  # where the age comes in another message of the cycle
     ambiguity: Quantity | None = None
     blockage: Quantity | None = None
 
+    def __post_init__(self) -> None:
+        _measures("time", age=self.age)
+        _measures("speed", ambiguity=self.ambiguity)
+        _measures("share", blockage=self.blockage)
 
-class Detections(Table):
+
+class Detections(Table, frozen=True):
     messages: str
     n: tuple[int, int] | None = None  # first and last number of the message
     page: str | None = None
@@ -112,9 +127,13 @@ class Detections(Table):
         cartesian = (self.x, self.y, self.vx, self.vy)
         if not (all(polar) and not any(cartesian)) and not (all(cartesian) and not any(polar)):
             raise ValueError("needs range, azimuth and range_rate, or x, y, vx and vy, and not both")
+        _measures("length", range=self.range, x=self.x, y=self.y)
+        _measures("angle", azimuth=self.azimuth)
+        _measures("speed", range_rate=self.range_rate, vx=self.vx, vy=self.vy)
+        _measures("radar cross section", rcs=self.rcs)
 
 
-class RadarProfile(Table, tag_field="kind", tag="radar"):
+class RadarProfile(Table, frozen=True, tag_field="kind", tag="radar"):
     """How one radar's traffic becomes scans.
 
     `ends_with`: the message that ends a cycle, for sensors whose header does not come first. `frames`: detection frames in every
@@ -129,6 +148,7 @@ class RadarProfile(Table, tag_field="kind", tag="radar"):
     frames: int | None = None
     timeout_ms: float = 100.0
     latency_ms: float = 0.0
+    ambiguity_interval: float = 0.0  # m/s, for sensors that do not report theirs; 0: unambiguous
     max_detections: Annotated[int, Meta(ge=1)] = 64
 
     def __post_init__(self) -> None:
@@ -138,7 +158,7 @@ class RadarProfile(Table, tag_field="kind", tag="radar"):
             raise ValueError("needs header.count or frames, to know when a cycle is whole")
 
 
-class WheelSpeeds(Table):
+class WheelSpeeds(Table, frozen=True):
     message: str
     rear_left: Quantity
     rear_right: Quantity
@@ -146,16 +166,27 @@ class WheelSpeeds(Table):
     counter: str | None = None
     crc: FrameCrc | None = None
 
+    def __post_init__(self) -> None:
+        _measures("turn rate" if self.are_turn_rates else "speed", rear_left=self.rear_left, rear_right=self.rear_right)
 
-class YawRateFrame(Table):
+    @property
+    def are_turn_rates(self) -> bool:
+        """Whether the tyre's radius is needed to make speeds of them."""
+        return self.rear_left.unit in UNITS["turn rate"]
+
+
+class YawRateFrame(Table, frozen=True):
     message: str
     yaw_rate: Quantity
     latency_ms: float = 0.0
     counter: str | None = None
     crc: FrameCrc | None = None
 
+    def __post_init__(self) -> None:
+        _measures("turn rate", yaw_rate=self.yaw_rate)
 
-class Direction(Table):
+
+class Direction(Table, frozen=True):
     """Raw values that mean reverse, and those that say nothing about the direction (the last one then holds)."""
 
     message: str
@@ -164,7 +195,7 @@ class Direction(Table):
     unknown: tuple[int, ...] = ()
 
 
-class MotionProfile(Table, tag_field="kind", tag="motion"):
+class MotionProfile(Table, frozen=True, tag_field="kind", tag="motion"):
     """Where rear wheel speeds and yaw rate come from; without `direction` the car is taken to go forward."""
 
     wheel_speeds: WheelSpeeds

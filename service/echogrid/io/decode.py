@@ -1,0 +1,170 @@
+"""Signals out of CAN payloads, many frames at once: a decoder compiled from the DBC.
+
+Each signal is at most 64 bits somewhere in the payload. Walking from the byte of its least significant bit towards its most significant
+one (upwards for Intel, downwards for Motorola byte order) and reading eight bytes in that order as a little-endian word leaves
+the signal `shift` bits above zero in either byte order; a ninth byte is needed where shift + length exceeds 64.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from cantools.database.can import Message
+from cantools.database.can import Signal as DbcSignal
+from numpy.typing import NDArray
+
+WORD = 8  # bytes read for a signal
+MARGIN = WORD + 1  # zero bytes before and after a payload, so that no window leaves the row
+EXACT = 2**53  # integers beyond do not fit a float64
+
+
+@dataclass(frozen=True, slots=True)
+class SignalLayout:
+    """Where a signal's bits lie, and what its raw value means: physical = raw * scale + offset."""
+
+    lsb_byte: int
+    step: int  # +1 Intel, -1 Motorola
+    shift: int
+    length: int
+    is_signed: bool
+    is_float: bool
+    scale: float
+    offset: float
+
+    def raw(self, payload: bytes) -> int:
+        """The signal's raw value in one payload. Only for integer signals."""
+        if self.step > 0:
+            word = int.from_bytes(payload[self.lsb_byte : self.lsb_byte + MARGIN], "little")
+        else:
+            word = int.from_bytes(payload[max(0, self.lsb_byte - WORD) : self.lsb_byte + 1], "big")
+        value = word >> self.shift & ((1 << self.length) - 1)
+        return value - (1 << self.length) if self.is_signed and value >> (self.length - 1) else value
+
+
+def layout_of(signal: DbcSignal) -> SignalLayout:
+    """The layout of a signal as cantools read it from the DBC."""
+    if signal.byte_order == "little_endian":
+        lsb, step = signal.start, 1
+    else:
+        # A Motorola signal's DBC start bit is its most significant bit; bits run down within a byte, bytes run up.
+        msb_in_order = 8 * (signal.start // 8) + 7 - signal.start % 8
+        lsb_in_order = msb_in_order + signal.length - 1
+        lsb, step = 8 * (lsb_in_order // 8) + 7 - lsb_in_order % 8, -1
+    return SignalLayout(
+        lsb_byte=lsb // 8,
+        step=step,
+        shift=lsb % 8,
+        length=signal.length,
+        is_signed=signal.is_signed and not signal.is_float,
+        is_float=signal.is_float,
+        scale=float(signal.scale),
+        offset=float(signal.offset),
+    )
+
+
+def stack(payloads: Sequence[bytes], length: int) -> NDArray[np.uint8]:
+    """Payloads of at least `length` bytes as rows (N, length)."""
+    return np.frombuffer(b"".join([payload[:length] for payload in payloads]), dtype=np.uint8).reshape(-1, length)
+
+
+class BatchDecoder:
+    """Decodes chosen signals of one message from many payloads: (N, length) uint8 in, (N, signals) float64 out.
+
+    Equal bit for bit to cantools' numbers as float64. A signal that the payload's multiplexor leaves out is NaN.
+    """
+
+    def __init__(self, message: Message, names: Iterable[str] | None = None) -> None:
+        """Raises KeyError with the name of a signal that the message does not have."""
+        by_name = {signal.name: signal for signal in message.signals}
+        self.names = tuple(by_name if names is None else names)
+        self.length = message.length
+        conditions = {name: _conditions(by_name[name], by_name) for name in self.names}
+        selectors = {selector for chain in conditions.values() for selector, _ in chain} - set(self.names)
+        columns = [*self.names, *sorted(selectors)]
+        self.layouts = tuple(layout_of(by_name[name]) for name in columns)
+        self._conditions = [
+            (columns.index(name), columns.index(selector), ids) for name, chain in conditions.items() for selector, ids in chain
+        ]
+        self._compile()
+
+    def _compile(self) -> None:
+        layouts = self.layouts
+        step = np.array([layout.step for layout in layouts], dtype=np.intp)[:, None]
+        first = np.array([layout.lsb_byte for layout in layouts], dtype=np.intp)[:, None] + MARGIN
+        self._window = (first + step * np.arange(WORD)).ravel()  # (S * 8,) columns of the padded row
+        self._ninth = (first + step * WORD).ravel()
+        self._shift = np.array([layout.shift for layout in layouts], dtype=np.uint64)
+        self._wide = np.flatnonzero([layout.shift + layout.length > 64 for layout in layouts])
+        bits = [layout.length for layout in layouts]
+        self._mask = np.array([(1 << length) - 1 for length in bits], dtype=np.uint64)
+        sign = [(1 << (layout.length - 1)) if layout.is_signed else 0 for layout in layouts]
+        self._sign = np.array(sign, dtype=np.uint64)
+        self._scale = np.array([layout.scale for layout in layouts])
+        self._offset = np.array([layout.offset for layout in layouts])
+        self._floats = [(column, layout.length) for column, layout in enumerate(layouts) if layout.is_float]
+        self._unsigned64 = [c for c, layout in enumerate(layouts) if layout.length == 64 and not layout.is_signed]
+        self._big = [column for column, layout in enumerate(layouts) if _may_exceed_float(layout)]
+
+    def bits(self, payloads: NDArray[np.uint8]) -> NDArray[np.uint64]:
+        """(N, columns) raw bits of every signal, not sign-extended."""
+        padded = np.zeros((len(payloads), self.length + 2 * MARGIN), dtype=np.uint8)
+        padded[:, MARGIN:-MARGIN] = payloads
+        words = np.take(padded, self._window, axis=1).view("<u8")
+        words >>= self._shift
+        for column in self._wide:
+            ninth = padded[:, self._ninth[column]].astype(np.uint64)
+            words[:, column] |= ninth << (np.uint64(64) - self._shift[column])
+        words &= self._mask
+        return words
+
+    def integers(self, bits: NDArray[np.uint64]) -> NDArray[np.int64]:
+        """(N, columns) raw values, sign-extended; meaningless in the columns of float signals, wrapped for unsigned 64-bit ones."""
+        return ((bits ^ self._sign) - self._sign).view(np.int64)
+
+    def physical(self, bits: NDArray[np.uint64]) -> NDArray[np.float64]:
+        """(N, columns) physical values in the DBC's units."""
+        integers = self.integers(bits)
+        values = integers.astype(np.float64)
+        for column in self._unsigned64:
+            values[:, column] = bits[:, column]
+        for column, length in self._floats:
+            values[:, column] = bits[:, column].astype(f"<u{length // 8}").view(f"<f{length // 8}")
+        values *= self._scale
+        values += self._offset
+        for column in self._big:
+            values[:, column] = self._exactly(column, bits[:, column], integers[:, column])
+        for column, selector, ids in self._conditions:
+            values[~np.isin(np.trunc(values[:, selector]), ids), column] = np.nan
+        return values
+
+    def decode(self, payloads: NDArray[np.uint8]) -> NDArray[np.float64]:
+        """(N, signals) physical values in the DBC's units, in the order of `names`."""
+        return self.physical(self.bits(payloads))[:, : len(self.names)]
+
+    def _exactly(self, column: int, bits: NDArray[np.uint64], integers: NDArray[np.int64]) -> list[float]:
+        """Whole-numbered scale and offset in Python's integers, rounded once at the end."""
+        layout = self.layouts[column]
+        raw = integers.tolist() if layout.is_signed else bits.tolist()
+        return [float(value * int(layout.scale) + int(layout.offset)) for value in raw]
+
+
+def _conditions(signal: DbcSignal, by_name: dict[str, DbcSignal]) -> list[tuple[str, Any]]:
+    """(selector, values of it under which the signal is there), up through nested multiplexors."""
+    chain = []
+    while signal.multiplexer_ids is not None and signal.multiplexer_signal is not None:
+        chain.append((signal.multiplexer_signal, np.array(sorted(signal.multiplexer_ids))))
+        signal = by_name[signal.multiplexer_signal]
+    return chain
+
+
+def _may_exceed_float(layout: SignalLayout) -> bool:
+    whole = layout.scale.is_integer() and layout.offset.is_integer() and not layout.is_float
+    return whole and ((1 << layout.length) * abs(layout.scale) + abs(layout.offset)) > EXACT
+
+
+def same_layout(one: BatchDecoder, other: BatchDecoder) -> bool:
+    """Whether the two decode every payload alike, whatever their signals are called."""
+    return one.length == other.length and one.layouts == other.layouts and one._conditions == other._conditions

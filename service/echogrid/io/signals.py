@@ -1,0 +1,97 @@
+"""CAN messages in, scans and ego motion out: who reads which id on which bus."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import can
+
+from echogrid.config import Bus, Config
+from echogrid.core.health import Health, SensorHealth
+from echogrid.core.messages import EgoMotion, RadarScan
+from echogrid.errors import EchogridError
+from echogrid.io.dbc import Dbc
+from echogrid.io.motion import MotionReader
+from echogrid.io.profile import MotionProfile, RadarProfile, find, load_motion, load_radar
+from echogrid.io.radar import FrameId, RadarReader
+
+BACK_IN_TIME_NS = 1_000_000_000  # a frame older than the newest by more is not a reordering but a fault
+
+
+class SignalReader:
+    """Remembers the half-assembled scans and counters of all sensors, and the time of the newest frame."""
+
+    def __init__(self, config: Config, folder: Path, health: Health) -> None:
+        """`folder`: where the configuration's relative paths begin. Raises EchogridError."""
+        self.health = health
+        self.newest_ns: int | None = None
+        self.readers: dict[tuple[str, FrameId], RadarReader | MotionReader] = {}
+        path = find(config.motion.profile, folder)
+        motion = load_motion(path)
+        dbc = Dbc(_dbc_path(motion, config.motion.dbc, path, folder), path)
+        self._register(config.motion.bus, MotionReader(motion, dbc, config.motion.wheel_radius, health), "motion")
+        for radar in config.radar:
+            path = find(radar.profile, folder)
+            profile = load_radar(path)
+            dbc = Dbc(_dbc_path(profile, radar.dbc, path, folder), path)
+            sensor = health.sensors.setdefault(radar.name, SensorHealth())
+            self._register(radar.bus, RadarReader(radar.name, profile, dbc, radar.id_offset, sensor), radar.name)
+
+    def _register(self, bus: str, reader: RadarReader | MotionReader, name: str) -> None:
+        for frame_id in reader.ids:
+            other = self.readers.setdefault((bus, frame_id), reader)
+            if other is not reader:
+                taken = "motion" if isinstance(other, MotionReader) else other.sensor
+                raise EchogridError(
+                    f"'{name}' and '{taken}' both read id 0x{frame_id[0]:X} on bus '{bus}': give them another bus or id_offset"
+                )
+
+    def ids(self, bus: str) -> list[FrameId]:
+        """The ids that are read on a bus, for the kernel's filter."""
+        return sorted(frame_id for name, frame_id in self.readers if name == bus)
+
+    def add(self, bus: str, message: can.Message) -> list[RadarScan | EgoMotion]:
+        """What a message completes. An unsound one changes nothing and is counted."""
+        self.health.frames += 1
+        if message.is_error_frame or message.is_remote_frame:
+            self.health.bad_frames += 1
+            return []
+        received_ns = round(message.timestamp * 1e9)
+        if self.newest_ns is not None and received_ns < self.newest_ns - BACK_IN_TIME_NS:
+            self.health.bad_frames += 1
+            return []
+        self.newest_ns = received_ns if self.newest_ns is None else max(received_ns, self.newest_ns)
+        reader = self.readers.get((bus, (message.arbitration_id, message.is_extended_id)))
+        if reader is None:
+            self.health.unknown_frames += 1
+            return []
+        try:
+            if isinstance(reader, MotionReader):
+                return [*reader.add(message, received_ns)]
+            scan = reader.add(message, received_ns)
+            return [] if scan is None else [scan]
+        except ValueError:
+            self.health.bad_frames += 1
+            return []
+
+
+def bus_of(message: can.Message, buses: tuple[Bus, ...]) -> str | None:
+    """The bus that a logged message belongs to. Log formats name channels ("can1") or number them (1), or do not say."""
+    channel = message.channel
+    if channel is None or channel == "":
+        return buses[0].name if len(buses) == 1 else None
+    for bus in buses:
+        expected = bus.channel if bus.log_channel is None else bus.log_channel
+        if str(channel) == str(expected):
+            return bus.name
+        if bus.log_channel is None and isinstance(channel, int) and str(expected).rstrip("0123456789") + str(channel) == expected:
+            return bus.name
+    return None
+
+
+def _dbc_path(profile: RadarProfile | MotionProfile, override: str | None, path: Path, folder: Path) -> Path:
+    if override is not None:
+        return folder / override
+    if profile.dbc is None:
+        raise EchogridError(f"{path}: comes without a DBC file: give its path as 'dbc' in the configuration")
+    return path.parent / profile.dbc

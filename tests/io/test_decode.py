@@ -1,0 +1,128 @@
+"""The batch decoder against cantools, on generated DBC messages: any byte order, sign, float, multiplexor, length."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import cantools
+import numpy as np
+from cantools.database.can import Message
+from hypothesis import given
+from hypothesis import strategies as st
+
+from echogrid.io.decode import BatchDecoder, layout_of, stack
+
+
+def _bit_positions(start: int, length: int, motorola: bool) -> list[int] | None:
+    """DBC bit numbers of a signal, or None where it would leave a 64-byte payload."""
+    if not motorola:
+        return list(range(start, start + length))
+    positions, bit = [], start
+    for _ in range(length):
+        positions.append(bit)
+        bit = bit - 1 if bit % 8 else bit + 15
+    return positions
+
+
+@st.composite
+def dbc_messages(draw: st.DrawFn) -> Message:
+    """One message of 1 to 64 bytes with signals that do not overlap within their multiplexor branch."""
+    size = draw(st.integers(1, 64))
+    lines: list[str] = []
+    multiplexed = draw(st.booleans()) and size > 1
+    taken: set[int] = set()
+    branches: dict[int, set[int]] = {}
+    if multiplexed:
+        lines.append(' SG_ Mux M : 0|4@1+ (1,0) [0|0] "" R')
+        taken |= set(range(4))
+    for number in range(draw(st.integers(1, 12))):
+        motorola = draw(st.booleans())
+        is_float = draw(st.integers(0, 5)) == 0
+        length = draw(st.sampled_from((32, 64))) if is_float else draw(st.integers(1, 64))
+        positions = _bit_positions(draw(st.integers(0, 8 * size - 1)), length, motorola)
+        if positions is None or max(positions) >= 8 * size:
+            continue
+        branch = draw(st.integers(0, 15)) if multiplexed and draw(st.booleans()) else None
+        busy = taken | (branches.get(branch, set()) if branch is not None else set().union(*branches.values()))
+        if busy & set(positions):
+            continue
+        (taken if branch is None else branches.setdefault(branch, set())).update(positions)
+        scale = draw(st.sampled_from((1, 2, -3, 0.5, 0.1, 0.015625, 0.0003834, 12345.678)))
+        offset = draw(st.sampled_from((0, 1, -100, 0.25, -67.67, -3.1416)))
+        sign = draw(st.sampled_from("+-"))
+        mux = "" if branch is None else f" m{branch}"
+        lines.append(
+            f' SG_ S{number}{mux} : {positions[0]}|{length}@{0 if motorola else 1}{sign} ({scale},{offset}) [0|0] "" R'
+        )
+        if is_float:
+            lines.append(f"FLOAT {number} {1 if length == 32 else 2}")
+    signals = [line for line in lines if not line.startswith("FLOAT")]
+    floats = [line.split()[1:] for line in lines if line.startswith("FLOAT")]
+    text = f"BU_: T R\n\nBO_ 256 Message: {size} T\n" + "\n".join(signals) + "\n\n"
+    text += "".join(f"SIG_VALTYPE_ 256 S{number} : {kind};\n" for number, kind in floats)
+    return cantools.database.load_string(text, "dbc").messages[0]
+
+
+def _same_bits(one: float, other: float) -> bool:
+    return struct.pack("<d", one) == struct.pack("<d", other) or (math.isnan(one) and math.isnan(other))
+
+
+@given(dbc_messages(), st.data())
+def test_equal_to_cantools_bit_for_bit(message: Message, data: st.DataObject) -> None:
+    payloads = data.draw(st.lists(st.binary(min_size=message.length, max_size=message.length), min_size=1, max_size=4))
+    decoder = BatchDecoder(message)
+    ours = decoder.decode(stack(payloads, message.length))
+    for row, payload in zip(ours, payloads, strict=True):
+        try:
+            theirs = message.decode(payload, decode_choices=False)
+        except cantools.database.errors.DecodeError:  # a multiplexor value that no signal has: only the plain ones are there
+            theirs = {s.name: None for s in message.signals if not s.multiplexer_ids}
+        for name, value in zip(decoder.names, row, strict=True):
+            if name not in theirs:
+                assert math.isnan(value)
+            elif theirs[name] is not None:
+                assert _same_bits(value, float(theirs[name])), (name, value, theirs[name])
+
+
+@given(dbc_messages(), st.data())
+def test_single_payload_extraction_equals_cantools(message: Message, data: st.DataObject) -> None:
+    payload = data.draw(st.binary(min_size=message.length, max_size=message.length))
+    try:
+        theirs = message.decode(payload, decode_choices=False, scaling=False)
+    except cantools.database.errors.DecodeError:
+        return
+    for signal in message.signals:
+        if signal.name in theirs and not signal.is_float:
+            assert layout_of(signal).raw(payload) == theirs[signal.name]
+
+
+def test_nested_multiplexors() -> None:
+    """Extended multiplexing: the inner selector counts only where the outer one lets it exist."""
+    text = """BU_: T R
+
+BO_ 256 Message: 8 T
+ SG_ Outer M : 0|4@1+ (1,0) [0|0] "" R
+ SG_ Inner m1M : 4|4@1+ (1,0) [0|0] "" R
+ SG_ Leaf m2 : 8|16@1- (0.5,0) [0|0] "" R
+ SG_ Other m0 : 8|16@1+ (1,0) [0|0] "" R
+
+SG_MUL_VAL_ 256 Inner Outer 1-1;
+SG_MUL_VAL_ 256 Leaf Inner 2-3;
+SG_MUL_VAL_ 256 Other Outer 0-0;
+"""
+    message = cantools.database.load_string(text, "dbc").messages[0]
+    decoder = BatchDecoder(message, ["Leaf", "Other"])
+    payloads = [bytes((selectors, 0xFE, 0xFF, 0, 0, 0, 0, 0)) for selectors in (0x21, 0x31, 0x41, 0x20)]
+    leaf, other = decoder.decode(stack(payloads, 8)).T
+    np.testing.assert_array_equal(leaf, [-1.0, -1.0, np.nan, np.nan])
+    np.testing.assert_array_equal(other, [np.nan, np.nan, np.nan, 65534.0])
+
+
+def test_a_longer_payload_is_cut_to_the_message() -> None:
+    """CAN FD pads a 10-byte message to 12 bytes."""
+    message = cantools.database.load_string(
+        'BU_: T R\n\nBO_ 256 Message: 10 T\n SG_ Last : 72|8@1+ (1,0) [0|0] "" R\n', "dbc"
+    ).messages[0]
+    decoder = BatchDecoder(message)
+    assert decoder.decode(stack([bytes(9) + b"\x07\xaa\xaa"], 10)) == [[7.0]]
