@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -72,11 +72,11 @@ def check_log(config: Config, folder: Path, path: Path) -> Report:
     speed, yaw_rate = Stream(), Stream()
     radars: dict[str, Stream] = {radar.name: Stream() for radar in config.radar}
     unknown: Counter[tuple[str, int]] = Counter()
-    seen: defaultdict[str, list[float]] = defaultdict(list)
+    times: list[float] = []  # of the first and the newest message
     for message in Log(path):
+        times = [*times[:1], message.timestamp]
         bus = bus_of(message, config.bus) or str(message.channel)
         before = health.unknown_frames
-        seen["time"][1:] = [message.timestamp]
         for item in reader.add(bus, message):
             if isinstance(item, RadarScan):
                 radars[item.sensor].stamps_ns.append(item.stamp_ns)
@@ -85,8 +85,7 @@ def check_log(config: Config, folder: Path, path: Path) -> Report:
                 (speed if isinstance(item, Speed) else yaw_rate).stamps_ns.append(item.stamp_ns)
         if health.unknown_frames > before:
             unknown[bus, message.arbitration_id] += 1
-    first, last = seen["time"][0], seen["time"][-1]
-    return Report(health, last - first, speed, yaw_rate, radars, unknown)
+    return Report(health, times[-1] - times[0], speed, yaw_rate, radars, unknown)
 
 
 def render(report: Report) -> str:

@@ -52,9 +52,7 @@ def dbc_messages(draw: st.DrawFn) -> Message:
         offset = draw(st.sampled_from((0, 1, -100, 0.25, -67.67, -3.1416)))
         sign = draw(st.sampled_from("+-"))
         mux = "" if branch is None else f" m{branch}"
-        lines.append(
-            f' SG_ S{number}{mux} : {positions[0]}|{length}@{0 if motorola else 1}{sign} ({scale},{offset}) [0|0] "" R'
-        )
+        lines.append(f' SG_ S{number}{mux} : {positions[0]}|{length}@{0 if motorola else 1}{sign} ({scale},{offset}) [0|0] "" R')
         if is_float:
             lines.append(f"FLOAT {number} {1 if length == 32 else 2}")
     signals = [line for line in lines if not line.startswith("FLOAT")]
@@ -121,8 +119,6 @@ SG_MUL_VAL_ 256 Other Outer 0-0;
 
 def test_a_longer_payload_is_cut_to_the_message() -> None:
     """CAN FD pads a 10-byte message to 12 bytes."""
-    message = cantools.database.load_string(
-        'BU_: T R\n\nBO_ 256 Message: 10 T\n SG_ Last : 72|8@1+ (1,0) [0|0] "" R\n', "dbc"
-    ).messages[0]
+    message = cantools.database.load_string('BU_: T R\n\nBO_ 256 Message: 10 T\n SG_ Last : 72|8@1+ (1,0) [0|0] "" R\n', "dbc").messages[0]
     decoder = BatchDecoder(message)
     assert decoder.decode(stack([bytes(9) + b"\x07\xaa\xaa"], 10)) == [[7.0]]

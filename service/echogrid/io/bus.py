@@ -23,6 +23,6 @@ def open_bus(bus: Bus, ids: list[FrameId]) -> can.BusABC:
         options = {"interface": "virtual", "channel": bus.channel, "can_filters": filters, "preserve_timestamps": True}
         options["protocol"] = can.CanProtocol.CAN_FD if bus.fd else can.CanProtocol.CAN_20
     try:
-        return can.Bus(**options)
+        return can.Bus(**options, ignore_config=True)  # the configuration is this file alone, not ~/.canrc
     except Exception as error:  # each of python-can's interfaces raises what its driver raises
         raise EchogridError(f"bus '{bus.name}': {bus.interface} channel '{bus.channel}' cannot be opened: {error}") from error

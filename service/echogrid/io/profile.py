@@ -106,7 +106,6 @@ class Detections(Table, frozen=True):
     messages: str
     n: tuple[int, int] | None = None  # first and last number of the message
     page: str | None = None
-    first_page: int = 0
     cycle: str | None = None
     cycle_bits: int | None = None
     per_frame: Annotated[int, Meta(ge=1)] = 1
@@ -123,10 +122,11 @@ class Detections(Table, frozen=True):
     crc: FrameCrc | None = None
 
     def __post_init__(self) -> None:
-        polar = (self.range, self.azimuth, self.range_rate)
-        cartesian = (self.x, self.y, self.vx, self.vy)
-        if not (all(polar) and not any(cartesian)) and not (all(cartesian) and not any(polar)):
-            raise ValueError("needs range, azimuth and range_rate, or x, y, vx and vy, and not both")
+        for one, other in (("range and azimuth", "x and y"), ("range_rate", "vx and vy")):
+            halves = [all(getattr(self, key) is not None for key in names.split(" and ")) for names in (one, other)]
+            some = [any(getattr(self, key) is not None for key in names.split(" and ")) for names in (one, other)]
+            if halves != some or sum(halves) != 1:
+                raise ValueError(f"needs either {one}, or {other}")
         _measures("length", range=self.range, x=self.x, y=self.y)
         _measures("angle", azimuth=self.azimuth)
         _measures("speed", range_rate=self.range_rate, vx=self.vx, vy=self.vy)

@@ -81,7 +81,7 @@ class RadarReader:
                 self.health.bad_crc += 1
                 raise ValueError("wrong checksum")
             number = layout.detections_cycle.raw(payload) if layout.detections_cycle is not None else None
-            slot = layout.page.raw(payload) - self.profile.detections.first_page if layout.page else role.slot
+            slot = layout.page.raw(payload) if layout.page else role.slot
         return CycleFrame(kind, payload, received_ns, number, slot, expected, role.last)
 
     def _count(self, header: bytes) -> int:
@@ -124,11 +124,9 @@ class RadarReader:
 
     def _detections(self, cycle: Cycle, limit: int | None) -> tuple[Floats, Floats, Floats, Floats]:
         """Range, azimuth, range rate and RCS of the valid ones, the nearest `max_detections` in order of arrival."""
-        per_frame = self.profile.detections.per_frame
         values = self.layout.detections.read([frame.payload for frame in cycle.detection_frames()])
         if limit is not None:
-            place = np.add.outer(np.array(sorted(cycle.frames)) * per_frame, np.arange(per_frame)).ravel()
-            values = {name: value[place < limit] for name, value in values.items()}
+            values = {name: value[:limit] for name, value in values.items()}
         polar = _polar(values)
         sound = np.isfinite(polar[0]) & np.isfinite(polar[1]) & np.isfinite(polar[2]) & (polar[0] > 0)
         self.health.invalid += int(np.count_nonzero(~sound))
@@ -150,13 +148,10 @@ def _or(value: Floats | None, default: float) -> float:
 def _polar(values: dict[str, Floats]) -> tuple[Floats, Floats, Floats, Floats]:
     """Range, azimuth, range rate, RCS; from positions and velocities where the sensor reports those."""
     if "x" in values:
-        x, y = values["x"], values["y"]
-        range_ = np.hypot(x, y)
-        with np.errstate(invalid="ignore", divide="ignore"):  # a detection at the sensor itself: dropped as invalid
-            range_rate = (x * values["vx"] + y * values["vy"]) / range_
-        azimuth = np.arctan2(y, x)
+        range_, azimuth = np.hypot(values["x"], values["y"]), np.arctan2(values["y"], values["x"])
     else:
-        range_, azimuth, range_rate = values["range"], values["azimuth"], values["range_rate"]
+        range_, azimuth = values["range"], values["azimuth"]
+    range_rate = values["range_rate"] if "vx" not in values else np.cos(azimuth) * values["vx"] + np.sin(azimuth) * values["vy"]
     rcs = values["rcs"] if "rcs" in values else np.full(len(range_), np.nan)
     return range_, azimuth, range_rate, rcs
 
@@ -185,9 +180,11 @@ class _Layout:
             first_k=detections.first_k,
             first_n=detections.n[0] if detections.n else 0,
         )
-        self.page = dbc.integer(first, detections.page, "detections.page") if detections.page else None
-        self.detections_cycle = dbc.integer(first, detections.cycle, "detections.cycle") if detections.cycle else None
-        self.frame_crc = dbc.checksum(first, detections.crc.signal, detections.crc.algorithm, "detections.crc") if detections.crc else None
+        self.page = self._integer(detections.page, "detections.page")
+        self.detections_cycle = self._integer(detections.cycle, "detections.cycle")
+        self.frame_crc: Checksum | None = None
+        if detections.crc is not None:
+            self.frame_crc = dbc.checksum(first, self._first(detections.crc.signal), detections.crc.algorithm, "detections.crc")
         self.counts = []
         self.cycle: SignalLayout | None = None
         self.header_values: QuantityReader | None = None
@@ -212,6 +209,14 @@ class _Layout:
             self.crc_in_header = header is not None and profile.crc.message == header.message
             if not self.crc_in_header:
                 self.ends_with = profile.crc.message
+
+    def _integer(self, template: str | None, key: str) -> SignalLayout | None:
+        return None if template is None else self.dbc.integer(self.messages[0], self._first(template), key)
+
+    def _first(self, template: str) -> str:
+        """A signal's name in the first detection message: all are laid out alike, so its layout serves for all."""
+        detections = self.profile.detections
+        return fill(template, "detections", self.dbc, n=detections.n[0] if detections.n else 0)
 
     def roles(self, id_offset: int) -> dict[FrameId, FrameRole]:
         """What each id's frames are, with this radar's offset on the DBC's ids."""

@@ -1,0 +1,197 @@
+"""ROS 2's CDR (XCDR1, plain, little endian) for the messages we publish, and back.
+
+Encoders raise ValueError where a stamp or a name has no place in the message. Decoders take bytes from anywhere: they raise
+ValueError with one sentence, nothing else, and allocate nothing larger than the payload.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echogrid.core.se2 import SE2
+
+LITTLE_ENDIAN = b"\x00\x01\x00\x00"  # alignment counts from the byte behind it
+SECOND = 10**9  # ns
+GID_SIZE = 16
+
+_STAMP = struct.Struct("<iI")  # builtin_interfaces/Time: until 2038
+_LENGTH = struct.Struct("<I")
+_MAP_META_DATA = struct.Struct("<iIfII")  # map_load_time, resolution, width, height
+_ORIGIN = struct.Struct("<7dI")  # position, orientation (x, y, z, w), length of data
+_MOTION = struct.Struct("<85d")  # position, orientation, covariance, linear and angular velocity, covariance
+_ATTACHMENT = struct.Struct("<qqB")
+
+Covariance = NDArray[np.float64]
+
+
+def _unknown() -> Covariance:
+    return np.zeros((6, 6))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Grid:
+    """nav_msgs/OccupancyGrid, axis-parallel: cell [i, j] covers x from origin[0] + j * cell and y from origin[1] + i * cell on."""
+
+    stamp_ns: int  # when it was measured
+    frame: str
+    cell: float  # m; float32 on the wire
+    origin: tuple[float, float]  # m: x and y of the outer corner of cell [0, 0]
+    occupancy: NDArray[np.int8]  # (H, W) percent, -1 where never seen; rows along y, columns along x
+
+    @property
+    def probability(self) -> NDArray[np.float32]:
+        """p(occupied), (H, W) in [0, 1], NaN where never seen."""
+        return np.where(self.occupancy < 0, np.float32(np.nan), self.occupancy / np.float32(100))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Odometry:
+    """nav_msgs/Odometry of a car on a plane. Covariances are ROS's: x, y, z, roll, pitch, yaw; all zero where nobody estimated them."""
+
+    stamp_ns: int
+    frame: str
+    child_frame: str
+    pose: SE2  # of child_frame in frame
+    speed: float  # m/s, along child_frame's x
+    yaw_rate: float  # rad/s
+    pose_covariance: Covariance = field(default_factory=_unknown)  # (6, 6)
+    twist_covariance: Covariance = field(default_factory=_unknown)  # (6, 6)
+
+
+def encode_grid(grid: Grid) -> bytes:
+    """The grid as nav_msgs/msg/OccupancyGrid; map_load_time is 0."""
+    height, width = grid.occupancy.shape
+    head = _header(grid.stamp_ns, grid.frame) + _MAP_META_DATA.pack(0, 0, grid.cell, width, height)
+    origin = _ORIGIN.pack(*grid.origin, 0.0, 0.0, 0.0, 0.0, 1.0, height * width)
+    return b"".join((LITTLE_ENDIAN, _padded(head, 8), origin, grid.occupancy.astype(np.int8, copy=False).tobytes()))
+
+
+def decode_grid(payload: bytes) -> Grid:
+    """The grid of a nav_msgs/msg/OccupancyGrid; its `occupancy` is a read-only view of the payload."""
+    body = _body(payload)
+    stamp_ns, frame, at = _read_header(body)
+    _, _, cell, width, height = _read(_MAP_META_DATA, body, at)
+    at = _aligned(at + _MAP_META_DATA.size, 8)
+    x, y, *rest, count = _read(_ORIGIN, body, at)
+    at += _ORIGIN.size
+    if count != len(body) - at or count != width * height:
+        raise ValueError(f"a grid of {height} x {width} cells says it has {count} and brings {len(body) - at}")
+    if not (math.isfinite(cell) and cell > 0 and math.isfinite(x) and math.isfinite(y)):
+        raise ValueError(f"a grid with cells of {cell} m at ({x}, {y}) is nowhere")
+    if rest != [0.0, 0.0, 0.0, 0.0, 1.0]:
+        raise ValueError("the grid is lifted or turned, expected it in its frame's plane and parallel to its axes")
+    occupancy = np.frombuffer(body[at:], dtype=np.int8).reshape(height, width)
+    if count and (occupancy.min() < -1 or occupancy.max() > 100):
+        raise ValueError("the grid has cells outside -1 ... 100 percent")
+    return Grid(stamp_ns, frame, cell, (x, y), occupancy)
+
+
+def encode_odometry(odometry: Odometry) -> bytes:
+    """The odometry as nav_msgs/msg/Odometry: z, roll, pitch and their rates are 0."""
+    head = _header(odometry.stamp_ns, odometry.frame) + _text(odometry.child_frame)
+    pose, half = odometry.pose, odometry.pose.yaw / 2
+    motion = _MOTION.pack(
+        *(pose.x, pose.y, 0.0, 0.0, 0.0, math.sin(half), math.cos(half)),
+        *odometry.pose_covariance.ravel(),
+        *(odometry.speed, 0.0, 0.0, 0.0, 0.0, odometry.yaw_rate),
+        *odometry.twist_covariance.ravel(),
+    )
+    return b"".join((LITTLE_ENDIAN, _padded(head, 8), motion))
+
+
+def decode_odometry(payload: bytes) -> Odometry:
+    """The odometry of a nav_msgs/msg/Odometry, yaw within (-pi, pi]; what leaves the plane is refused, sideways speed is not read."""
+    body = _body(payload)
+    stamp_ns, frame, at = _read_header(body)
+    child_frame, at = _read_text(body, at)
+    at = _aligned(at, 8)
+    numbers = np.array(_read(_MOTION, body, at))
+    if len(body) != at + _MOTION.size:
+        raise ValueError(f"{len(body) - at - _MOTION.size} bytes are left over behind the odometry")
+    if not np.isfinite(numbers).all():
+        raise ValueError("the odometry holds something that is no number")
+    x, y, _, roll, pitch, z, w = numbers[:7].tolist()
+    if roll != 0 or pitch != 0 or abs(math.hypot(z, w) - 1) > 1e-6:
+        raise ValueError("the odometry's orientation is no turn about the z axis")
+    pose = SE2(x, y, math.atan2(2 * w * z, w * w - z * z))
+    pose_covariance, twist_covariance = numbers[7:43].reshape(6, 6), numbers[49:].reshape(6, 6)
+    speed, yaw_rate = float(numbers[43]), float(numbers[48])
+    return Odometry(stamp_ns, frame, child_frame, pose, speed, yaw_rate, pose_covariance, twist_covariance)
+
+
+def encode_attachment(sequence: int, stamp_ns: int, gid: bytes) -> bytes:
+    """What rmw_zenoh wants beside every sample: its number (from 1), its source's time and the publisher's 16-byte id. 33 bytes."""
+    if len(gid) != GID_SIZE:
+        raise ValueError(f"a gid of {len(gid)} bytes, expected {GID_SIZE}")
+    return _ATTACHMENT.pack(sequence, stamp_ns, GID_SIZE) + gid
+
+
+def decode_attachment(attachment: bytes) -> tuple[int, int, bytes]:
+    """Sequence number, stamp_ns, gid."""
+    if len(attachment) != _ATTACHMENT.size + GID_SIZE or attachment[_ATTACHMENT.size - 1] != GID_SIZE:
+        raise ValueError(f"an attachment of {len(attachment)} bytes is not rmw_zenoh's")
+    sequence, stamp_ns, _ = _ATTACHMENT.unpack_from(attachment)
+    return sequence, stamp_ns, attachment[_ATTACHMENT.size :]
+
+
+def _header(stamp_ns: int, frame: str) -> bytes:
+    """std_msgs/Header, padded to 4 for what follows."""
+    seconds, nanoseconds = divmod(stamp_ns, SECOND)
+    if not -(2**31) <= seconds < 2**31:
+        raise ValueError(f"the stamp {stamp_ns} ns does not fit into ROS's 32-bit seconds")
+    return _padded(_STAMP.pack(seconds, nanoseconds) + _text(frame), 4)
+
+
+def _text(text: str) -> bytes:
+    data = text.encode()
+    if 0 in data:
+        raise ValueError(f"the name {text!r} holds a NUL")
+    return _LENGTH.pack(len(data) + 1) + data + b"\0"
+
+
+def _aligned(at: int, size: int) -> int:
+    return at + -at % size
+
+
+def _padded(data: bytes, size: int) -> bytes:
+    return data.ljust(_aligned(len(data), size), b"\0")
+
+
+def _body(payload: bytes) -> memoryview:
+    if payload[:4] != LITTLE_ENDIAN:
+        raise ValueError(f"the payload begins with {payload[:4].hex(' ') or 'nothing'}, expected plain little-endian CDR")
+    return memoryview(payload)[4:]
+
+
+def _read(layout: struct.Struct, body: memoryview, at: int) -> tuple[Any, ...]:
+    if len(body) < at + layout.size:
+        raise ValueError(f"the message ends at byte {len(body)}, expected at least {at + layout.size}")
+    return layout.unpack_from(body, at)
+
+
+def _read_header(body: memoryview) -> tuple[int, str, int]:
+    """Stamp in ns, frame, and where the next 4-byte value begins."""
+    seconds, nanoseconds = _read(_STAMP, body, 0)
+    if nanoseconds >= SECOND:
+        raise ValueError(f"the stamp has {nanoseconds} ns beside its seconds")
+    frame, at = _read_text(body, _STAMP.size)
+    return seconds * SECOND + nanoseconds, frame, _aligned(at, 4)
+
+
+def _read_text(body: memoryview, at: int) -> tuple[str, int]:
+    """A name, and where it ends."""
+    (length,) = _read(_LENGTH, body, at)
+    start, stop = at + _LENGTH.size, at + _LENGTH.size + length
+    data = bytes(body[start:stop])
+    if len(data) != length or not data.endswith(b"\0") or 0 in data[:-1]:
+        raise ValueError(f"a name of {length} bytes does not end with the only NUL in it")
+    try:
+        return data[:-1].decode(), stop
+    except UnicodeDecodeError as error:
+        raise ValueError(f"a name is no UTF-8 from its byte {error.start} on") from error
