@@ -79,7 +79,7 @@ class OccupancyMap:
         Bilinear, so that a turn neither doubles nor loses evidence; outside the patch is 0.
         """
         cell, half = self.spec.cell, self.spec.half
-        reach = half * (abs(np.cos(odom_from_base.yaw)) + abs(np.sin(odom_from_base.yaw)))
+        reach = (half + cell / 2) * (abs(np.cos(odom_from_base.yaw)) + abs(np.sin(odom_from_base.yaw)))
         column = int(np.floor((odom_from_base.x - reach) / cell))
         row = int(np.floor((odom_from_base.y - reach) / cell))
         size = int(np.ceil(2 * reach / cell)) + 1

@@ -1,0 +1,263 @@
+"""Our CDR against rosbags, byte for byte, and against bytes that mean harm."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rosbags.typesys import Stores, get_typestore
+
+from echogrid.core.se2 import SE2
+from echogrid.io import cdr
+
+STORE = get_typestore(Stores.ROS2_HUMBLE)
+ROS = STORE.types
+
+FRAMES = ("", "m", "ab", "map", "odom", "base_link", "straße/über")
+NUMBERS = st.floats(-1e7, 1e7)
+NAMES = st.text(st.characters(exclude_characters="\0", exclude_categories=("Cs",)), max_size=20)
+STAMPS = st.integers(-(2**31) * cdr.SECOND, 2**31 * cdr.SECOND - 1)
+COVARIANCES = st.lists(NUMBERS, min_size=36, max_size=36).map(lambda values: np.array(values).reshape(6, 6))
+GRIDS = st.builds(
+    cdr.Grid,
+    stamp_ns=STAMPS,
+    frame=NAMES,
+    cell=st.floats(2**-10, 100, width=32),
+    origin=st.tuples(NUMBERS, NUMBERS),
+    occupancy=st.tuples(st.integers(0, 9), st.integers(0, 9), st.integers(0, 2**32 - 1)).map(
+        lambda shape: np.random.default_rng(shape[2]).integers(-1, 101, shape[:2], dtype=np.int8)
+    ),
+)
+ODOMETRIES = st.builds(
+    cdr.Odometry,
+    stamp_ns=STAMPS,
+    frame=NAMES,
+    child_frame=NAMES,
+    pose=st.builds(SE2, NUMBERS, NUMBERS, st.floats(-50, 50)),
+    speed=NUMBERS,
+    yaw_rate=NUMBERS,
+    pose_covariance=COVARIANCES,
+    twist_covariance=COVARIANCES,
+)
+
+
+def _ros_header(stamp_ns: int, frame: str) -> object:
+    stamp = ROS["builtin_interfaces/msg/Time"](sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
+    return ROS["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
+
+
+def _ros_pose(x: float, y: float, z: float, w: float) -> object:
+    point = ROS["geometry_msgs/msg/Point"](x=x, y=y, z=0.0)
+    return ROS["geometry_msgs/msg/Pose"](position=point, orientation=ROS["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=z, w=w))
+
+
+def _ros_grid(grid: cdr.Grid) -> object:
+    height, width = grid.occupancy.shape
+    info = ROS["nav_msgs/msg/MapMetaData"](
+        map_load_time=ROS["builtin_interfaces/msg/Time"](sec=0, nanosec=0),
+        resolution=grid.cell,
+        width=width,
+        height=height,
+        origin=_ros_pose(*grid.origin, 0.0, 1.0),
+    )
+    header = _ros_header(grid.stamp_ns, grid.frame)
+    return ROS["nav_msgs/msg/OccupancyGrid"](header=header, info=info, data=grid.occupancy.ravel())
+
+
+def _ros_odometry(odometry: cdr.Odometry) -> object:
+    pose, half = odometry.pose, odometry.pose.yaw / 2
+    vector = ROS["geometry_msgs/msg/Vector3"]
+    twist = ROS["geometry_msgs/msg/Twist"](linear=vector(odometry.speed, 0.0, 0.0), angular=vector(0.0, 0.0, odometry.yaw_rate))
+    return ROS["nav_msgs/msg/Odometry"](
+        header=_ros_header(odometry.stamp_ns, odometry.frame),
+        child_frame_id=odometry.child_frame,
+        pose=ROS["geometry_msgs/msg/PoseWithCovariance"](
+            pose=_ros_pose(pose.x, pose.y, math.sin(half), math.cos(half)), covariance=odometry.pose_covariance.ravel()
+        ),
+        twist=ROS["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=odometry.twist_covariance.ravel()),
+    )
+
+
+def _grid(frame: str = "odom", height: int = 3, width: int = 4) -> cdr.Grid:
+    occupancy = (np.arange(height * width, dtype=np.int64) % 102 - 1).astype(np.int8).reshape(height, width)
+    return cdr.Grid(1_700_000_000_123_456_789, frame, 0.234375, (-15.5, 7.25), occupancy)
+
+
+def _odometry(frame: str = "odom", child_frame: str = "base") -> cdr.Odometry:
+    covariance = np.arange(36.0).reshape(6, 6)
+    return cdr.Odometry(-1, frame, child_frame, SE2(1.5, -2.5, 2.0), 13.9, -0.25, covariance, covariance + 0.5)
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+@pytest.mark.parametrize("shape", [(0, 0), (1, 1), (3, 4), (4, 3), (128, 257)])
+def test_grid_is_what_rosbags_writes(frame: str, shape: tuple[int, int]) -> None:
+    grid = _grid(frame, *shape)
+    assert cdr.encode_grid(grid) == bytes(STORE.serialize_cdr(_ros_grid(grid), "nav_msgs/msg/OccupancyGrid"))
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+@pytest.mark.parametrize("child_frame", FRAMES)
+def test_odometry_is_what_rosbags_writes(frame: str, child_frame: str) -> None:
+    odometry = _odometry(frame, child_frame)
+    assert cdr.encode_odometry(odometry) == bytes(STORE.serialize_cdr(_ros_odometry(odometry), "nav_msgs/msg/Odometry"))
+
+
+def test_data_begins_at_the_smallest_x_and_y_and_runs_along_x() -> None:
+    """Where ROS puts a cell: data[row * width + column] at origin + (column, row) * resolution."""
+    occupancy = np.full((3, 5), -1, dtype=np.int8)
+    occupancy[2, 1] = 88
+    message = STORE.deserialize_cdr(cdr.encode_grid(cdr.Grid(0, "odom", 0.5, (-1.0, 4.0), occupancy)), "nav_msgs/msg/OccupancyGrid")
+    index = int(np.argmax(message.data))
+    assert (message.info.width, message.info.height) == (5, 3)
+    x = message.info.origin.position.x + index % message.info.width * message.info.resolution
+    y = message.info.origin.position.y + index // message.info.width * message.info.resolution
+    assert (x, y) == (-0.5, 5.0)
+
+
+def test_a_slice_of_a_larger_array_is_written_in_its_own_order() -> None:
+    whole = np.arange(100, dtype=np.int8).reshape(10, 10)
+    for view in (whole[2:5, 3:9], whole[::2, ::3], whole.T):
+        decoded = cdr.decode_grid(cdr.encode_grid(cdr.Grid(0, "odom", 1.0, (0.0, 0.0), view)))
+        np.testing.assert_array_equal(decoded.occupancy, view)
+
+
+@given(GRIDS)
+def test_grid_round_trip(grid: cdr.Grid) -> None:
+    back = cdr.decode_grid(cdr.encode_grid(grid))
+    assert (back.stamp_ns, back.frame, back.cell, back.origin) == (grid.stamp_ns, grid.frame, grid.cell, grid.origin)
+    assert back.occupancy.dtype == np.int8
+    assert back.occupancy.shape == grid.occupancy.shape
+    np.testing.assert_array_equal(back.occupancy, grid.occupancy)
+
+
+@given(ODOMETRIES)
+def test_odometry_round_trip(odometry: cdr.Odometry) -> None:
+    back = cdr.decode_odometry(cdr.encode_odometry(odometry))
+    assert (back.stamp_ns, back.frame, back.child_frame) == (odometry.stamp_ns, odometry.frame, odometry.child_frame)
+    assert (back.pose.x, back.pose.y) == (odometry.pose.x, odometry.pose.y)
+    assert math.cos(back.pose.yaw - odometry.pose.yaw) == pytest.approx(1, abs=1e-12)
+    assert -math.pi <= back.pose.yaw <= math.pi
+    assert (back.speed, back.yaw_rate) == (odometry.speed, odometry.yaw_rate)
+    np.testing.assert_array_equal(back.pose_covariance, odometry.pose_covariance)
+    np.testing.assert_array_equal(back.twist_covariance, odometry.twist_covariance)
+
+
+@given(st.integers(-(2**63), 2**63 - 1), STAMPS, st.binary(min_size=16, max_size=16))
+def test_attachment_round_trip(sequence: int, stamp_ns: int, gid: bytes) -> None:
+    attachment = cdr.encode_attachment(sequence, stamp_ns, gid)
+    assert len(attachment) == 33
+    assert cdr.decode_attachment(attachment) == (sequence, stamp_ns, gid)
+
+
+def test_attachment_bytes() -> None:
+    expected = "0100000000000000" "00ca9a3b00000000" "10" + bytes(range(16)).hex()
+    assert cdr.encode_attachment(1, 10**9, bytes(range(16))).hex() == expected
+
+
+def test_probability() -> None:
+    grid = cdr.Grid(0, "odom", 1.0, (0.0, 0.0), np.array([[-1, 0], [50, 100]], dtype=np.int8))
+    assert grid.probability.dtype == np.float32
+    np.testing.assert_array_equal(grid.probability, np.array([[np.nan, 0], [0.5, 1]], dtype=np.float32))
+
+
+DECODERS = (
+    pytest.param(cdr.encode_grid(_grid()), cdr.decode_grid, id="grid"),
+    pytest.param(cdr.encode_odometry(_odometry()), cdr.decode_odometry, id="odometry"),
+    pytest.param(cdr.encode_attachment(1, 2, bytes(16)), cdr.decode_attachment, id="attachment"),
+)
+
+
+@pytest.mark.parametrize(("good", "decode"), DECODERS)
+def test_every_other_length_is_refused(good: bytes, decode) -> None:
+    decode(good)
+    for length in range(len(good)):
+        with pytest.raises(ValueError, match="."):
+            decode(good[:length])
+    with pytest.raises(ValueError, match="."):
+        decode(good + b"\0")
+
+
+@pytest.mark.parametrize(("good", "decode"), DECODERS)
+def test_hostile_bytes_are_refused_with_value_error(good: bytes, decode) -> None:
+    @given(st.binary(max_size=200), st.lists(st.tuples(st.integers(0, len(good) - 1), st.integers(0, 255)), max_size=8))
+    def check(noise: bytes, changes: list[tuple[int, int]]) -> None:
+        changed = bytearray(good)
+        for index, value in changes:
+            changed[index] = value
+        for payload in (noise, cdr.LITTLE_ENDIAN + noise, bytes(changed)):
+            try:
+                decode(payload)
+            except ValueError as error:
+                assert type(error) is ValueError  # noqa: PT017  not a UnicodeDecodeError or the like
+                assert str(error)  # noqa: PT017
+
+    check()
+
+
+def _patched(payload: bytes, at: int, layout: str, *values: float) -> bytes:
+    """The payload with other values at an offset counted behind the encapsulation header."""
+    changed = bytearray(payload)
+    struct.pack_into(layout, changed, 4 + at, *values)
+    return bytes(changed)
+
+
+# For the frame "odom": stamp 0, length 8, frame 12, map_load_time 20, resolution 28, width 32, height 36, position 40,
+# orientation 64, count 96, data 100.
+@pytest.mark.parametrize(
+    ("at", "layout", "values", "message"),
+    [
+        (4, "<I", (10**9,), "ns beside"),
+        (8, "<I", (0,), "name of 0 bytes"),
+        (8, "<I", (2**32 - 1,), "name of 4294967295 bytes"),
+        (13, "<B", (0,), "only NUL"),
+        (13, "<B", (0xFF,), "no UTF-8"),
+        (28, "<f", (math.nan,), "nowhere"),
+        (28, "<f", (0,), "nowhere"),
+        (40, "<d", (math.inf,), "nowhere"),
+        (48, "<d", (math.nan,), "nowhere"),
+        (56, "<d", (1,), "lifted or turned"),
+        (88, "<d", (math.nan,), "lifted or turned"),
+        (32, "<II", (2**32 - 1, 2**32 - 1), "says it has 12"),
+        (32, "<II", (3, 3), "says it has 12"),
+        (96, "<I", (2**32 - 1,), "says it has 4294967295 and brings 12"),
+        (100, "<b", (-2,), "outside"),
+        (100, "<b", (101,), "outside"),
+    ],
+)
+def test_a_grid_that_cannot_be_is_refused(at: int, layout: str, values: tuple[float, ...], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        cdr.decode_grid(_patched(cdr.encode_grid(_grid()), at, layout, *values))
+
+
+def test_a_grid_of_no_rows_and_billions_of_columns_costs_nothing() -> None:
+    payload = _patched(_patched(cdr.encode_grid(_grid())[: 4 + 100], 32, "<II", 2**32 - 1, 0), 96, "<I", 0)
+    assert cdr.decode_grid(payload).occupancy.size == 0
+
+
+# For the frames "odom" and "base": child's length 20, child 24, padding, position 32, orientation 56, covariance 88.
+@pytest.mark.parametrize(
+    ("at", "values", "message"),
+    [(32, (math.nan,), "no number"), (88, (math.inf,), "no number"), (56, (0.5,), "no turn"), (72, (0.0, 0.0), "no turn")],
+)
+def test_odometry_that_cannot_be_is_refused(at: int, values: tuple[float, ...], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        cdr.decode_odometry(_patched(cdr.encode_odometry(_odometry()), at, f"<{len(values)}d", *values))
+
+
+def test_big_endian_is_refused() -> None:
+    with pytest.raises(ValueError, match="00 00 00 00"):
+        cdr.decode_grid(b"\0\0\0\0" + bytes(200))
+
+
+def test_what_does_not_fit_into_a_message_is_refused() -> None:
+    occupancy = np.zeros((1, 1), dtype=np.int8)
+    with pytest.raises(ValueError, match="32-bit seconds"):
+        cdr.encode_grid(cdr.Grid(2**31 * cdr.SECOND, "odom", 1.0, (0.0, 0.0), occupancy))
+    with pytest.raises(ValueError, match="NUL"):
+        cdr.encode_grid(cdr.Grid(0, "od\0m", 1.0, (0.0, 0.0), occupancy))
+    with pytest.raises(ValueError, match="gid of 3 bytes"):
+        cdr.encode_attachment(1, 0, b"abc")
