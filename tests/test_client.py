@@ -157,7 +157,7 @@ def test_one_vehicle_does_not_hear_another(endpoint: str) -> None:
 
 @pytest.mark.parametrize("vehicle", ["", "*", "**", "a/b", "a b", "car\n"])
 def test_a_vehicle_that_cannot_be(vehicle: str) -> None:
-    with pytest.raises(EchogridError, match="^vehicle: "):
+    with pytest.raises(EchogridError, match=r"^vehicle: "):
         Client(vehicle=vehicle)
 
 
@@ -173,19 +173,23 @@ def test_malformed_payloads_are_counted_and_skipped(endpoint: str) -> None:
         "odom": cdr.encode_odometry(cdr.Odometry(5, "odom", "base", SE2(0, 0, 0), 0.0, 0.0)),
         "status": b'{"state": "running"}',
     }
-    hostile = (b"", b"\0", b"[" * 100_000, b"[1]", b'{"a": "\xff"}', b'{"a": 1', bytes(1000), good["odom"][:-1] + b"", good["odom"] + b"!")
+    noise = (b"", b"\0", b"[1]", b'{"a": "\xff"}', b'{"a": 1', b'{"a": ' + b"[" * 100_000, bytes(1000), good["odom"] + b"!")
     with zenoh.open(session_config((endpoint,), (), sends=False)) as session, Client(endpoint) as client:
-        reads = {"grid/fused/full": client.grid, "odom": client.odometry, "status": client.status}
-        for name, read in reads.items():
-            key = f"echogrid/v1/car/{name}"
-            until(lambda read=read: read(0.02), lambda key=key, name=name: session.put(key, good[name]))
-            for payload in hostile:
-                before = client.malformed
-                session.put(key, payload)
-                session.delete(key)
-                until(lambda before=before, read=read: read(0.01) or (client.malformed > before or None))
-            until(lambda read=read: read(0.02), lambda key=key, name=name: session.put(key, good[name]))
-        assert client.malformed >= 3 * len(hostile)
+
+        def count_after(send: Callable[[], object], read: Callable[[float], object]) -> None:
+            before = client.malformed
+            send()
+            until(lambda: (read(0.01), client.malformed > before or None)[1])
+            assert client.malformed == before + 1
+
+        for name, read in (("grid/fused/full", client.grid), ("odom", client.odometry), ("status", client.status)):
+            publisher = session.declare_publisher(f"echogrid/v1/car/{name}")
+            until(lambda read=read: read(0.02), lambda publisher=publisher, name=name: publisher.put(good[name]))
+            for payload in noise:
+                count_after(lambda publisher=publisher, payload=payload: publisher.put(payload), read)
+            count_after(publisher.delete, read)
+            publisher.put(good[name])
+            assert read(PATIENCE) is not None
 
 
 FORGETFUL = """

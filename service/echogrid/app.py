@@ -148,7 +148,7 @@ class _Outbox:
 
 def run(config_path: Path) -> None:
     """`echogrid run`: until SIGTERM or SIGINT. Raises EchogridError."""
-    service = Service(Pipeline(load_config(config_path), config_path.parent))
+    service = Service(Pipeline(load_config(config_path), config_path))
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: service.stop.set())
     service.run()

@@ -65,10 +65,10 @@ class Report:
         return said
 
 
-def check_log(config: Config, folder: Path, path: Path) -> Report:
+def check_log(config: Config, source: Path, path: Path) -> Report:
     """Decodes a recording without mapping it. Raises EchogridError."""
     health = Health()
-    reader = SignalReader(config, folder, health)
+    reader = SignalReader(config, source, health)
     speed, yaw_rate = Stream(), Stream()
     radars: dict[str, Stream] = {radar.name: Stream() for radar in config.radar}
     unknown: Counter[tuple[str, int]] = Counter()

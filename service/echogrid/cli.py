@@ -79,11 +79,11 @@ def _check(arguments: argparse.Namespace) -> None:
     from echogrid.pipeline import Pipeline
 
     config = load_config(arguments.config)
-    readers = Pipeline(config, arguments.config.parent).signals.readers
+    readers = Pipeline(config, arguments.config).signals.readers
     print(f"{arguments.config}: {len(config.radar)} radars and ego motion on {len(config.bus)} buses, {len(readers)} ids are read")
     if arguments.log is None:
         return
-    report = check_log(config, arguments.config.parent, arguments.log)
+    report = check_log(config, arguments.config, arguments.log)
     print(render(report))
     complaints = report.complaints()
     if complaints:

@@ -122,7 +122,7 @@ class Publish(Table, frozen=True):
 class Config(Table, frozen=True):
     bus: tuple[Bus, ...]
     motion: Motion
-    radar: tuple[Radar, ...]
+    radar: tuple[Radar, ...] = ()
     vehicle: Name = "car"
     body: Body = Body()
     grid: Grid = Grid()

@@ -39,7 +39,7 @@ def demo(out: Path, on_progress: Callable[[float], None] | None = None) -> dict[
     """Plays the shipped drive as fast as the service maps it; files and summary as in `replay`, and the subscriber's received.png."""
     drive = find_drive(Path(str(files("echogrid") / "demo_drive")), None)
     config = _on_virtual_buses(load_config(drive.config))
-    pipeline = Pipeline(config, drive.config.parent)
+    pipeline = Pipeline(config, drive.config)
     recorder = Recorder(pipeline)
     service = Service(pipeline, recorder.add)
     out.mkdir(parents=True, exist_ok=True)

@@ -18,11 +18,11 @@ from echogrid.io.signals import SignalReader
 class Pipeline:
     """Remembers the signals' and the mapper's state. Time is that of the messages: the same log gives the same map, bit for bit."""
 
-    def __init__(self, config: Config, folder: Path) -> None:
-        """`folder`: where the configuration's relative paths begin. Raises EchogridError before anything is opened."""
+    def __init__(self, config: Config, source: Path) -> None:
+        """`source`: the configuration's file. Raises EchogridError before anything is opened."""
         self.config = config
         self.health = Health()
-        self.signals = SignalReader(config, folder, self.health)
+        self.signals = SignalReader(config, source, self.health)
         mounts = {radar.name: radar.mount() for radar in config.radar}
         spec = config.grid.spec()
         self.mapper = Mapper(

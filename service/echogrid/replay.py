@@ -52,7 +52,8 @@ class Recorder:
         return update
 
     def write(self, out: Path, truth: Truth | None) -> dict[str, Any]:
-        """Writes all files into a folder, which is made; returns the summary."""
+        """Ends the last cycle and writes all files into a folder, which is made; returns the summary."""
+        self.pipeline.mapper.end_cycle()
         out.mkdir(parents=True, exist_ok=True)
         digest = write_map(out, self.pipeline.mapper.map, self.trajectory)
         summary = self._summary(digest, truth)
@@ -120,7 +121,7 @@ def replay(
     that the configuration knows is refused with an EchogridError, and nothing is written.
     """
     config = load_config(drive.config)
-    pipeline = Pipeline(config, drive.config.parent)
+    pipeline = Pipeline(config, drive.config)
     truth = load_truth(drive.truth)
     log = Log(drive.log)
     recorder = Recorder(pipeline)

@@ -154,7 +154,7 @@ def test_attachment_round_trip(sequence: int, stamp_ns: int, gid: bytes) -> None
 
 
 def test_attachment_bytes() -> None:
-    expected = "0100000000000000" "00ca9a3b00000000" "10" + bytes(range(16)).hex()
+    expected = "010000000000000000ca9a3b0000000010" + bytes(range(16)).hex()
     assert cdr.encode_attachment(1, 10**9, bytes(range(16))).hex() == expected
 
 
@@ -175,9 +175,9 @@ DECODERS = (
 def test_every_other_length_is_refused(good: bytes, decode) -> None:
     decode(good)
     for length in range(len(good)):
-        with pytest.raises(ValueError, match="."):
+        with pytest.raises(ValueError, match=r"\w+ \w+"):
             decode(good[:length])
-    with pytest.raises(ValueError, match="."):
+    with pytest.raises(ValueError, match=r"\w+ \w+"):
         decode(good + b"\0")
 
 

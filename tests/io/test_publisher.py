@@ -72,7 +72,7 @@ def sockets(pid: int) -> set[tuple[str, str, str]]:
     inodes = set()
     for descriptor in Path(f"/proc/{pid}/fd").iterdir():
         try:
-            inodes.add(os.readlink(descriptor).removeprefix("socket:[").removesuffix("]"))
+            inodes.add(str(descriptor.readlink()).removeprefix("socket:[").removesuffix("]"))
         except FileNotFoundError:  # the descriptor of this very listing
             continue
     found = set()
@@ -221,7 +221,7 @@ def test_of_several_endpoints_the_busy_one_is_named(port: int) -> None:
 
 def test_the_same_endpoint_twice_is_an_error_too(port: int) -> None:
     endpoint = f"tcp/127.0.0.1:{port}"
-    with pytest.raises(EchogridError, match="^publish: Zenoh cannot be started: .*Address already in use"):
+    with pytest.raises(EchogridError, match=r"^publish: Zenoh cannot be started: .*Address already in use"):
         Publisher(Publish(listen=(endpoint, endpoint)), "car")
 
 
@@ -293,5 +293,5 @@ def test_a_frozen_subscriber_delays_nobody(port: int) -> None:
                     break
         finally:
             frozen.kill()
-    assert longest < 0.5
+    assert longest < 1.0  # with BLOCK it is 5 s
     assert newest >= 48

@@ -76,6 +76,10 @@ class Mapper:
         if self.cycle_end_ns is not None and now_ns < self.cycle_end_ns:
             return None
         self.cycle_end_ns = now_ns // self.cycle_ns * self.cycle_ns + self.cycle_ns
+        return self.end_cycle()
+
+    def end_cycle(self) -> MapUpdate | None:
+        """Predict, gate, rasterise, infer, integrate: what the pending scans say goes into the map."""
         placed = self._place(self.pending)
         self.pending = []
         if not placed:

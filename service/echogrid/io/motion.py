@@ -22,7 +22,8 @@ class MotionReader:
     """Remembers the message counters and the last known direction of travel."""
 
     def __init__(self, profile: MotionProfile, dbc: Dbc, wheel_radius: float | None, health: Health) -> None:
-        """Raises EchogridError where the profile names what the DBC does not have, or the tyre's radius is missing or not needed."""
+        """`wheel_radius` (m) turns turn rates into speeds. Raises EchogridError where the profile names what the DBC does not have,
+        or the radius is missing or not needed."""
         if profile.wheel_speeds.are_turn_rates and wheel_radius is None:
             raise EchogridError(f"motion.wheel_radius is missing: {dbc.profile} reports turn rates of the wheels")
         if wheel_radius is not None and not profile.wheel_speeds.are_turn_rates:

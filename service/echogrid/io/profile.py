@@ -210,13 +210,13 @@ def shipped() -> Path:
 
 
 def find(name: str, beside: Path) -> Path:
-    """A profile's file: the name of a shipped one, or a path ending in .toml, from the folder of the configuration."""
+    """A profile's file: the name of a shipped one, or a path ending in .toml from the folder `beside`. Raises EchogridError."""
     if name.endswith(".toml"):
         return beside / name
     path = shipped() / f"{name}.toml"
     if not path.is_file():
         known = ", ".join(sorted(entry.stem for entry in shipped().glob("*.toml")))
-        raise EchogridError(f"no profile '{name}' is shipped; found {known}, or give a path that ends in .toml")
+        raise EchogridError(f"no profile '{name}' is shipped, expected one of {known}, or a path that ends in .toml")
     return path
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import can
@@ -21,29 +23,32 @@ BACK_IN_TIME_NS = 1_000_000_000  # a frame older than the newest by more is not 
 class SignalReader:
     """Remembers the half-assembled scans and counters of all sensors, and the time of the newest frame."""
 
-    def __init__(self, config: Config, folder: Path, health: Health) -> None:
-        """`folder`: where the configuration's relative paths begin. Raises EchogridError."""
+    def __init__(self, config: Config, source: Path, health: Health) -> None:
+        """`source`: the configuration's file; its relative paths begin in its folder. Raises EchogridError."""
+        self.source = source
         self.health = health
         self.newest_ns: int | None = None
         self.readers: dict[tuple[str, FrameId], RadarReader | MotionReader] = {}
-        path = find(config.motion.profile, folder)
-        motion = load_motion(path)
-        dbc = Dbc(_dbc_path(motion, config.motion.dbc, path, folder), path)
-        self._register(config.motion.bus, MotionReader(motion, dbc, config.motion.wheel_radius, health), "motion")
-        for radar in config.radar:
-            path = find(radar.profile, folder)
-            profile = load_radar(path)
-            dbc = Dbc(_dbc_path(profile, radar.dbc, path, folder), path)
-            sensor = health.sensors.setdefault(radar.name, SensorHealth())
-            self._register(radar.bus, RadarReader(radar.name, profile, dbc, radar.id_offset, sensor), radar.name)
+        with _named(source, "motion"):
+            path = find(config.motion.profile, source.parent)
+            motion = load_motion(path)
+            dbc = Dbc(_dbc_path(motion, config.motion.dbc, path, source), path)
+            self._register(config.motion.bus, MotionReader(motion, dbc, config.motion.wheel_radius, health), "motion")
+        for index, radar in enumerate(config.radar):
+            with _named(source, f"radar[{index}]"):
+                path = find(radar.profile, source.parent)
+                profile = load_radar(path)
+                dbc = Dbc(_dbc_path(profile, radar.dbc, path, source), path)
+                sensor = health.sensors.setdefault(radar.name, SensorHealth())
+                self._register(radar.bus, RadarReader(radar.name, profile, dbc, radar.id_offset, sensor), radar.name)
 
     def _register(self, bus: str, reader: RadarReader | MotionReader, name: str) -> None:
-        for frame_id in reader.ids:
+        for frame_id in sorted(reader.ids):
             other = self.readers.setdefault((bus, frame_id), reader)
             if other is not reader:
                 taken = "motion" if isinstance(other, MotionReader) else other.sensor
                 raise EchogridError(
-                    f"'{name}' and '{taken}' both read id 0x{frame_id[0]:X} on bus '{bus}': give them another bus or id_offset"
+                    f"'{taken}' and '{name}' both read id 0x{frame_id[0]:X} on bus '{bus}': give one another bus or id_offset"
                 )
 
     def ids(self, bus: str) -> list[FrameId]:
@@ -89,9 +94,18 @@ def bus_of(message: can.Message, buses: tuple[Bus, ...]) -> str | None:
     return None
 
 
-def _dbc_path(profile: RadarProfile | MotionProfile, override: str | None, path: Path, folder: Path) -> Path:
+def _dbc_path(profile: RadarProfile | MotionProfile, override: str | None, path: Path, source: Path) -> Path:
     if override is not None:
-        return folder / override
+        return source.parent / override
     if profile.dbc is None:
-        raise EchogridError(f"{path}: comes without a DBC file: give its path as 'dbc' in the configuration")
+        raise EchogridError(f"{path} comes without a DBC file: give its path as 'dbc'")
     return path.parent / profile.dbc
+
+
+@contextmanager
+def _named(source: Path, key: str) -> Iterator[None]:
+    """Puts the configuration's file and key before what is wrong with what they name."""
+    try:
+        yield
+    except EchogridError as error:
+        raise EchogridError(f"{source}: {key}: {error}") from error

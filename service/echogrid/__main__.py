@@ -1,0 +1,5 @@
+"""`python -m echogrid`."""
+
+from echogrid.cli import main
+
+main()

@@ -1,0 +1,99 @@
+"""The whole chain on small worlds: what stands where, appears there; what moves, leaves nothing behind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+
+from echogrid.config import load_config
+from echogrid.core.occupancy import probability
+from echogrid.pipeline import Pipeline
+from tests import world
+
+WALL = world.standing([(x * 0.3, 6.0) for x in range(-20, 160)])
+
+
+def mapped(tmp_path: Path, messages: Sequence[can.Message]) -> Pipeline:
+    path = tmp_path / "echogrid.toml"
+    path.write_text(world.CONFIG)
+    pipeline = Pipeline(load_config(path), path)
+    for message in messages:
+        pipeline.add("can0", message)
+    pipeline.mapper.end_cycle()
+    return pipeline
+
+
+def occupied(pipeline: Pipeline, threshold: float = 0.7) -> np.ndarray:
+    """(N, 2) x and y of the centres of occupied cells."""
+    row, column, log_odds = pipeline.mapper.map.whole()
+    rows, columns = np.nonzero(probability(log_odds) > threshold)
+    return (np.stack((columns + column, rows + row), axis=1) + 0.5) * pipeline.mapper.map.spec.cell
+
+
+def probability_at(pipeline: Pipeline, x: float, y: float) -> float:
+    cell = pipeline.mapper.map.spec.cell
+    return float(probability(pipeline.mapper.map.window(int(y // cell), int(x // cell), 1, 1))[0, 0])
+
+
+def test_a_wall_on_the_left_appears_at_plus_y(tmp_path: Path) -> None:
+    pipeline = mapped(tmp_path, world.record(world.straight(6.0), [WALL], 5.0))
+    cells = occupied(pipeline)
+    assert len(cells) > 60
+    assert np.abs(cells[:, 1] - 6.0).max() < 0.5
+    for x in range(2, 25):
+        assert probability_at(pipeline, x, 3.0) < 0.3
+    assert np.count_nonzero(pipeline.mapper.map.whole()[2][: -int(6.5 / 0.234)] > 0.5) == 0
+
+
+def test_after_a_turn_to_the_left_a_ring_is_still_a_ring(tmp_path: Path) -> None:
+    """Round a circle of 15 m in the middle of a ring of 22 m: pose, mounts and raster must agree on every sign."""
+    angles = np.arange(0, 2 * np.pi, 0.02)
+    ring = world.standing([(22 * np.cos(a), 15 + 22 * np.sin(a)) for a in angles])
+    pipeline = mapped(tmp_path, world.record(world.circle(7.5, 0.5), [ring], 13.0))
+    cells = occupied(pipeline)
+    radius = np.hypot(cells[:, 0], cells[:, 1] - 15)
+    assert len(cells) > 400
+    assert np.abs(radius - 22).max() < 0.6
+
+
+def test_a_car_that_drives_by_leaves_nothing_behind_and_a_parked_one_stays(tmp_path: Path) -> None:
+    parked = world.standing(world.rectangle(14.0, 4.2))
+    passing = world.moving(world.rectangle(70.0, 3.0), (-12.0, 0.0))  # oncoming, from far ahead to far behind
+    overtaking = world.moving(world.rectangle(-30.0, -3.0), (14.0, 0.0))
+    pipeline = mapped(tmp_path, world.record(world.straight(5.0), [WALL, parked, passing, overtaking], 6.0))
+    cells = occupied(pipeline)
+    on_wall = np.abs(cells[:, 1] - 6.0) < 0.5
+    on_parked = (np.abs(cells[:, 0] - 14.0) < 2.7) & (np.abs(cells[:, 1] - 4.2) < 1.4)
+    assert on_parked.sum() > 15
+    assert cells[~on_wall & ~on_parked].tolist() == []
+
+
+def test_standing_in_traffic_the_passing_cars_leave_nothing_either(tmp_path: Path) -> None:
+    passing = world.moving(world.rectangle(40.0, 3.5), (-10.0, 0.0))
+    pipeline = mapped(tmp_path, world.record(world.straight(0.0), [WALL, passing], 8.0))
+    cells = occupied(pipeline)
+    assert cells[np.abs(cells[:, 1] - 6.0) >= 0.5].tolist() == []
+
+
+def test_the_time_of_measurement_counts_not_that_of_arrival(tmp_path: Path) -> None:
+    """At 14 m/s an age of 90 ms is 1.3 m: a post must stand where it stands, and only there."""
+    post = world.standing([(20.0, 5.0)])
+    pipeline = mapped(tmp_path, world.record(world.straight(14.0), [post], 3.0, age=0.09))
+    cells = occupied(pipeline)
+    assert len(cells) > 0
+    assert np.hypot(cells[:, 0] - 20, cells[:, 1] - 5).max() < 0.6
+
+
+@pytest.mark.parametrize("drop", ["motion", "radar"])
+def test_without_ego_motion_or_radars_there_is_no_map(tmp_path: Path, drop: str) -> None:
+    messages = world.record(world.straight(6.0), [WALL], 1.0)
+    kept = [m for m in messages if (m.arbitration_id >= 0x300) == (drop == "motion")]
+    pipeline = mapped(tmp_path, kept)
+    assert pipeline.mapper.map.whole()[2].size == 0
+    scans = sum(sensor.complete for sensor in pipeline.health.sensors.values())
+    assert pipeline.health.scans_without_pose == (scans if drop == "motion" else 0)
+    assert (scans > 0) == (drop == "motion")

@@ -1,0 +1,85 @@
+"""Every mistake in a configuration is one sentence that names file and key; nothing is opened before it is said."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from echogrid.config import load_config
+from echogrid.core.health import Health
+from echogrid.errors import EchogridError
+from echogrid.io.signals import SignalReader
+from tests.frames import CONFIG
+
+SECOND = '[[radar]]\nname = "front_right"\nbus = "can0"\nx = 3.6\ny = -0.8\nyaw_deg = -45.0\n'
+
+
+def complaint(tmp_path: Path, text: str) -> str:
+    path = tmp_path / "echogrid.toml"
+    path.write_text(text)
+    with pytest.raises(EchogridError) as caught:
+        SignalReader(load_config(path), path, Health())
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).startswith(f"{path}: ")
+    return str(caught.value)
+
+
+def test_the_smallest_configuration_drives(tmp_path: Path) -> None:
+    path = tmp_path / "echogrid.toml"
+    path.write_text(CONFIG)
+    config = load_config(path)
+    assert config.grid.spec().cells * config.grid.spec().cell == 30.0
+    assert config.publish.listen == ("tcp/127.0.0.1:7447",)
+    reader = SignalReader(config, path, Health())
+    assert reader.ids("can0") == [(0x100, False), (0x102, False), (0x300, False), (0x301, False)]
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (("yaw_deg", "yaw_dge"), "radar[0]: unknown key 'yaw_dge'; did you mean 'yaw_deg'?"),
+        (('vehicle = "test"', 'vehicle = "test"\nspeed = 3'), "unknown key 'speed'"),
+        (("x = 3.6", 'x = "front"'), "radar[0].x: Expected `float`, got `str`"),
+        (("x = 3.6", "x = 36.0"), "radar[0]: 'front_left' is mounted at x = 36, y = 0.8 m, outside the car"),
+        (("y = 0.8", "y = 1.8"), "radar[0]: 'front_left' is mounted at x = 3.6, y = 1.8 m, outside the car"),
+        (("x = 3.6", ""), "radar[0]: the key 'x' is missing"),
+        (('[motion]\nbus = "can0"', '[motion]\nbus = "can7"'), "motion.bus: no [[bus]] is named 'can7', found can0"),
+        (('vehicle = "test"', 'vehicle = "my/car"'), "vehicle: Expected `str` matching regex"),
+        (("yaw_deg = 45.0", "yaw_deg = 45.0\nfov_deg = 700"), "radar[0].fov_deg: Expected `float` <= 360"),
+        (
+            ("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "corner"'),
+            "radar[0]: no profile 'corner' is shipped, expected one of ars408, corner_radar",
+        ),
+        (("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "none.toml"'), "none.toml: cannot be read: No such file"),
+        (("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "vehicle_motion"'), "vehicle_motion.toml: "),
+        (("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "ford_mrr"'), "comes without a DBC file"),
+        (("yaw_deg = 45.0", 'yaw_deg = 45.0\ndbc = "none.dbc"'), "none.dbc: cannot be read: No such file"),
+        (('name = "front_left"', 'name = "front_left'), "is not valid TOML"),
+        (("[motion]", SECOND.replace("front_right", "front_left") + "[motion]"), "radar[1].name: 'front_left' is taken already"),
+        (("[motion]", SECOND + "[motion]"), "radar[1]: 'front_right' and 'front_left' both read id 0x300 on bus 'can0'"),
+    ],
+)
+def test_a_mistake_is_one_sentence(tmp_path: Path, change: tuple[str, str], expected: str) -> None:
+    assert change[0] in CONFIG
+    assert expected in complaint(tmp_path, CONFIG.replace(*change))
+
+
+def test_no_radar_and_no_text(tmp_path: Path) -> None:
+    assert "radar: none is configured" in complaint(tmp_path, CONFIG[: CONFIG.index("[[radar]]")])
+    (tmp_path / "echogrid.toml").write_bytes(b"\xff\xfe")
+    with pytest.raises(EchogridError, match="is not a text file"):
+        load_config(tmp_path / "echogrid.toml")
+    with pytest.raises(EchogridError, match="cannot be read: No such file"):
+        load_config(tmp_path / "other.toml")
+
+
+@pytest.mark.parametrize("command", [("run", "-c"), ("check", "-c")])
+def test_the_command_line_says_it_without_a_traceback(tmp_path: Path, command: tuple[str, str]) -> None:
+    path = tmp_path / "echogrid.toml"
+    path.write_text(CONFIG.replace("yaw_deg", "yaw_dg"))
+    done = subprocess.run([sys.executable, "-m", "echogrid", *command, str(path)], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1
+    assert done.stderr == f"echogrid: {path}: radar[0]: unknown key 'yaw_dg'; did you mean 'yaw_deg'?\n"
