@@ -12,7 +12,6 @@ from __future__ import annotations
 import gzip
 import io
 import math
-import os
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
@@ -62,12 +61,15 @@ def _write(recording: Recording, folder: Path, fd: bool, messages: list[can.Mess
     if partial.exists():  # of a run that was killed
         shutil.rmtree(partial)
     partial.mkdir(parents=True)
-    (partial / CONFIG).write_text(config_text(recording, fd, wirings, buses), encoding="utf-8")
-    write_log(partial / LOG, messages)
-    write_truth(partial / TRUTH, recording.truth)
-    if folder.exists():
-        shutil.rmtree(folder)
-    os.replace(partial, folder)
+    try:
+        (partial / CONFIG).write_text(config_text(recording, fd, wirings, buses), encoding="utf-8")
+        write_log(partial / LOG, messages)
+        write_truth(partial / TRUTH, recording.truth)
+        if folder.exists():
+            shutil.rmtree(folder)
+        partial.rename(folder)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
 
 
 def write_log(path: Path, messages: Iterable[can.Message]) -> None:
