@@ -80,16 +80,19 @@ class Grid(Table, frozen=True):
 
 
 class Gate(Table, frozen=True):
-    """One-sigma errors (SI), and how many sigmas of range-rate residual still count as static."""
+    """One-sigma errors, how many sigmas of range-rate residual still count as static, and how far a mover reaches."""
 
-    range_rate: Positive = NOISE.range_rate
+    range_rate: Positive = NOISE.range_rate  # m/s
     azimuth_deg: Positive = math.degrees(NOISE.azimuth)
-    speed: float = NOISE.speed
-    yaw_rate_deg_s: float = math.degrees(NOISE.yaw_rate)
+    speed: Annotated[float, Meta(ge=0)] = NOISE.speed  # of the speed
+    yaw_rate_deg_s: Annotated[float, Meta(ge=0)] = math.degrees(NOISE.yaw_rate)
     sigmas: Positive = NOISE.sigmas
+    mover_radius: Annotated[float, Meta(ge=0)] = NOISE.mover_radius  # m
 
     def noise(self) -> GateNoise:
-        return GateNoise(self.range_rate, math.radians(self.azimuth_deg), self.speed, math.radians(self.yaw_rate_deg_s), self.sigmas)
+        return GateNoise(
+            self.range_rate, math.radians(self.azimuth_deg), self.speed, math.radians(self.yaw_rate_deg_s), self.sigmas, self.mover_radius
+        )
 
 
 class SensorModel(Table, frozen=True):

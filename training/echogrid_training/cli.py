@@ -8,14 +8,16 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from echogrid.errors import EchogridError
 from rich.console import Console
 from rich.progress import track
 
+from echogrid.errors import EchogridError
 from echogrid_training import nuscenes, radarscenes
-from echogrid_training.can_writer import Report
+from echogrid_training.demo import demo_path, demo_scene
 from echogrid_training.drive import check_free, write_drive
+from echogrid_training.frames import Report
 from echogrid_training.recording import Recording, Track, untracked
+from echogrid_training.scene import drive
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -50,7 +52,11 @@ def _parser() -> argparse.ArgumentParser:
     other.add_argument("source", type=Path, help="an official folder sequence_N, or a seq_N.npz")
     other.set_defaults(make=_radarscenes)
 
-    for command in (one, other):
+    scene = commands.add_parser("scene", help="the demonstration drive: a generated street scene of 40 s")
+    scene.add_argument("--seed", type=int, default=0, help="of the noise; the same seed makes the same bytes (default: 0)")
+    scene.set_defaults(make=_scene)
+
+    for command in (one, other, scene):
         command.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="the drive folder to write")
         command.add_argument("--classic", action="store_true", help="classic CAN radars instead of CAN FD ones")
         command.add_argument("--force", action="store_true", help="replace a drive that is there")
@@ -65,6 +71,10 @@ def _radarscenes(options: argparse.Namespace, _: Track) -> tuple[Recording, int]
     return radarscenes.load(options.source), 0
 
 
+def _scene(options: argparse.Namespace, tracked: Track) -> tuple[Recording, int]:
+    return drive(demo_scene(), demo_path(), options.seed, track=tracked), options.seed
+
+
 def _with_bar(things: Iterable[Any], what: str) -> Iterable[Any]:
     return track(things, what, console=Console(stderr=True), transient=True)
 
@@ -73,7 +83,7 @@ def summary(recording: Recording, report: Report, folder: Path) -> str:
     """What was written, and what was left out."""
     loads = ", ".join(f"{bus} {load:.0%}" for bus, load in report.loads.items())
     lines = [
-        f"{folder}: {recording.vehicle}, {report.cycles} cycles of {len(recording.radars)} radars in {report.frames} frames (bus load {loads})",
+        f"{folder}: {recording.vehicle}, {report.cycles} cycles of {len(recording.radars)} radars in {report.frames} frames, load {loads}",
         f"  {report.sent} detections sent, {report.beyond_nearest} beyond the nearest 64 of their cycle left out, "
         f"{report.unencodable} left out since a value does not fit its signal",
     ]

@@ -19,10 +19,12 @@ from pathlib import Path
 import can
 import numpy as np
 from can.io.canutils import CanutilsLogWriter
-from echogrid.errors import EchogridError
 
+from echogrid.errors import EchogridError
 from echogrid_training.bus import BITRATE, DATA_BITRATE
-from echogrid_training.can_writer import RadarLayout, Report, Wiring, can_frames
+from echogrid_training.can_writer import Wiring, can_frames
+from echogrid_training.frames import Report
+from echogrid_training.radar_writer import RadarLayout
 from echogrid_training.recording import Recording, Track, Truth, untracked
 
 CONFIG, LOG, TRUTH = "echogrid.toml", "can.log.gz", "truth.npz"
@@ -101,7 +103,8 @@ def config_text(recording: Recording, fd: bool, wirings: dict[str, Wiring], buse
     for radar in recording.radars:
         wiring, place = wirings[radar.name], radar.base_from_sensor
         parts.append(
-            f'[[radar]]\nname = "{radar.name}"\nbus = "can{wiring.bus}"\nprofile = "{layout.profile}"\nid_offset = 0x{wiring.id_offset:02X}\n'
+            f'[[radar]]\nname = "{radar.name}"\nbus = "can{wiring.bus}"\n'
+            f'profile = "{layout.profile}"\nid_offset = 0x{wiring.id_offset:02X}\n'
             f"x = {place.x:.4g}\ny = {place.y:.4g}\nyaw_deg = {math.degrees(place.yaw):.4f}\nfov_deg = {math.degrees(radar.fov):g}"
         )
     return "\n\n".join(parts) + "\n"

@@ -4,11 +4,12 @@ The source is the official layout (tables in v1.0-*/, radar clouds, and the CAN 
 scene-XXXX.npz that holds the same numbers of one scene.
 
 - Radars: Continental ARS408 clusters in the sensor's frame, x along boresight, y left. Every cluster is taken, whatever its quality flags
-  say. range = hypot(x, y); azimuth = atan2(y, x), counter-clockwise; range rate = (x vx + y vy)/range from the raw vx, vy, which are relative
-  to the moving sensor: the sensor measures only along the ray, and the compensated ones have the ego motion taken out.
+  say. range = hypot(x, y); azimuth = atan2(y, x), counter-clockwise; range rate = (x vx + y vy)/range from the raw vx, vy, which are
+  relative to the moving sensor (vx_comp, vy_comp have the ego motion taken out).
 - base is nuScenes' ego frame: rear axle, x forward, y left.
-- Wheel speeds are in rpm. Of the tyre's radius only 0.300–0.308 m is known; WHEEL_RADIUS is taken for all scenes, so that the wheel scale is
-  wrong by about 1 %, as on a real car. They have no sign: in reverse is the car where the reference pose's forward speed is below REVERSE.
+- Wheel speeds are in rpm. Of the tyre's radius only 0.300–0.308 m is known; WHEEL_RADIUS is taken for all scenes, which leaves a wheel
+  scale that is wrong by up to 1 %, as on a real car. They have no sign: the car is in reverse where the reference pose's forward speed
+  is below REVERSE.
 - Yaw rate is the IMU's rotation about z, counter-clockwise positive like the pose's yaw (slope against its derivative: 1.00–1.02).
 - The reference pose's yaw points about 0.3° left of the direction of travel on straight roads. It is left as it is.
 """
@@ -22,12 +23,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
 from echogrid.config import Body
 from echogrid.core.messages import Floats, RadarScan
 from echogrid.core.se2 import SE2
 from echogrid.errors import EchogridError
-from numpy.typing import NDArray
-
 from echogrid_training.pcd import load_pcd
 from echogrid_training.recording import Motion, RadarMount, Recording, Track, truth_from, untracked
 from echogrid_training.sources import field, load_json, load_npz, numbers, some
@@ -99,15 +100,18 @@ def read_compact(path: Path) -> Source:
         missing = [name for name in wanted if name not in names]
         if missing:
             raise EchogridError(f"{path}: {fields} has no '{missing[0]}', found {some(names)}")
+        if arrays[table].ndim != 2 or arrays[table].shape[1] != len(names):
+            raise EchogridError(f"{path}: {table} has the shape {arrays[table].shape}, expected {len(names)} columns as {fields} names them")
         return arrays[table][:, [names.index(name) for name in wanted]].astype(np.float64)
 
     sweeps = {}
     for radar in RADARS:
         clusters, offsets = columns(f"{radar}_det", "det_fields", CLUSTER), arrays[f"{radar}_off"]
-        if len(offsets) != len(arrays[f"{radar}_t_us"]) + 1 or offsets[-1] != len(clusters):
-            raise EchogridError(f"{path}: {radar}_off, {radar}_t_us and {radar}_det do not fit together")
+        mount = arrays[f"{radar}_calib_txyz_qwxyz"]
+        if len(offsets) != len(arrays[f"{radar}_t_us"]) + 1 or offsets[-1] != len(clusters) or mount.shape != (7,):
+            raise EchogridError(f"{path}: the lengths of {radar}_off, _t_us, _det and _calib_txyz_qwxyz do not fit together")
         stamps = np.round(arrays[f"{radar}_t_us"]).astype(np.int64)
-        sweeps[radar] = Sweeps(stamps, np.split(clusters, offsets[1:-1]), arrays[f"{radar}_calib_txyz_qwxyz"])
+        sweeps[radar] = Sweeps(stamps, np.split(clusters, offsets[1:-1]), mount)
     pose = ("utime", "px", "py", "orientation_1", "orientation_2", "orientation_3", "orientation_4", "vx")
     return Source(
         path.stem,
@@ -182,6 +186,9 @@ def _official_sweeps(root: Path, tables: Path, scene_token: str, track: Track) -
 
 def recording(source: Source) -> Recording:
     """The scene in echogrid's units and frames."""
+    for name, table in (("zoe_veh_info", source.wheels), ("ms_imu", source.imu), ("pose", source.pose)):
+        if len(table) < 2:
+            raise EchogridError(f"{source.name}: has {len(table)} rows of {name}, expected many")
     scans = []
     for radar, sweeps in source.sweeps.items():
         for stamp_us, clusters in zip(sweeps.stamp_us.tolist(), sweeps.clusters, strict=True):

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+
 from echogrid.core.messages import Floats
 from echogrid.errors import EchogridError
-
 from echogrid_training.sources import some
 
 END_OF_HEADER = b"\nDATA binary\n"

@@ -6,8 +6,8 @@ that holds the same numbers.
 - Radars: azimuth counter-clockwise from boresight and range rate negative when approaching, as in echogrid; the range rate is the raw one.
   Every detection is taken, moving ones too.
 - Mounts are in the frame of the rear axle, x forward, y left: radars 1 and 2 sit on the right (y and yaw negative), 3 and 4 on the left.
-- The set has no wheel speeds: all four wheels show the odometry's vx, and the gyro its yaw_rate (slope against the derivative of yaw: 1.00),
-  both interpolated to 100 Hz.
+- The set has no wheel speeds: all four wheels show the odometry's vx, and the gyro its yaw_rate (slope against the derivative of
+  yaw: 1.00), both interpolated to 100 Hz.
 - The set does not say which car it is: the body is one that the mounts fit.
 """
 
@@ -19,12 +19,12 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
+
 from echogrid.config import Body
 from echogrid.core.messages import Floats, RadarScan
 from echogrid.core.se2 import SE2
 from echogrid.errors import EchogridError
-from numpy.typing import NDArray
-
 from echogrid_training.recording import EPOCH_NS, Motion, RadarMount, Recording, truth_from
 from echogrid_training.sources import field, load_json, load_npz, some
 
@@ -61,12 +61,19 @@ def read_compact(path: Path) -> Source:
     scans = []
     for sensor in SENSORS:
         detections, offsets, odometry = (arrays[f"radar{sensor}_{part}"] for part in ("det", "off", "odom"))
-        if len(offsets) != len(odometry) + 1 or offsets[-1] != len(detections) or detections.shape[1] < 4 or odometry.shape[1] < 7:
-            raise EchogridError(f"{path}: radar{sensor}_det, radar{sensor}_off and radar{sensor}_odom do not fit together")
+        if detections.shape[1:] != (10,) or odometry.shape[1:] != (7,):
+            raise EchogridError(
+                f"{path}: radar{sensor}_det and radar{sensor}_odom have the shapes {detections.shape} and {odometry.shape}, "
+                "expected 10 and 7 columns"
+            )
+        if len(offsets) != len(odometry) + 1 or offsets[-1] != len(detections):
+            raise EchogridError(f"{path}: the lengths of radar{sensor}_det, radar{sensor}_off and radar{sensor}_odom do not fit together")
         split = np.split(detections[:, :4].astype(np.float64), offsets[1:-1])
         scans += [(sensor, round(1e6 * second), part) for second, part in zip(odometry[:, 0].tolist(), split, strict=True)]
     every = np.concatenate([arrays[f"radar{sensor}_odom"] for sensor in SENSORS])
     places = arrays["mount_x_y_yaw"]
+    if places.shape != (4, 3):
+        raise EchogridError(f"{path}: mount_x_y_yaw has the shape {places.shape}, expected (4, 3)")
     mounts = {sensor: SE2(*(float(value) for value in places[sensor - 1])) for sensor in SENSORS}
     return _source(path.stem, scans, mounts, np.round(1e6 * every[:, 1]).astype(np.int64), every[:, 2:7])
 
@@ -121,7 +128,9 @@ def _mounts(folder: Path) -> dict[int, SE2]:
     return mounts
 
 
-def _source(name: str, scans: list[tuple[int, int, Floats]], mounts: dict[int, SE2], odometry_us: NDArray[np.int64], odometry: Floats) -> Source:
+def _source(
+    name: str, scans: list[tuple[int, int, Floats]], mounts: dict[int, SE2], odometry_us: NDArray[np.int64], odometry: Floats
+) -> Source:
     """With each odometry time once."""
     times, first = np.unique(odometry_us, return_index=True)
     return Source(name, scans, mounts, times, odometry[first])
@@ -129,6 +138,8 @@ def _source(name: str, scans: list[tuple[int, int, Floats]], mounts: dict[int, S
 
 def recording(source: Source) -> Recording:
     """The sequence in echogrid's units and frames; its first radar scan is measured at EPOCH_NS."""
+    if not source.scans or len(source.odometry) < 2:
+        raise EchogridError(f"{source.name}: has {len(source.scans)} scans and {len(source.odometry)} rows of odometry, expected many")
     names = {sensor: radar_name(mount) for sensor, mount in source.mounts.items()}
     start_us = min(stamp_us for _, stamp_us, _ in source.scans)
     scans = []

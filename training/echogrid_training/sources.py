@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import json
 import zipfile
+import zlib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from echogrid.errors import EchogridError
 from numpy.typing import NDArray
+
+from echogrid.errors import EchogridError
 
 
 def load_npz(path: Path, keys: Iterable[str]) -> dict[str, NDArray[Any]]:
-    """Those arrays of an .npz file, every one of them there and not empty. Raises EchogridError."""
+    """Those arrays of an .npz file, every one of them there. Raises EchogridError."""
     try:
         with np.load(path, allow_pickle=False) as archive:
             if not isinstance(archive, np.lib.npyio.NpzFile):
@@ -25,7 +27,7 @@ def load_npz(path: Path, keys: Iterable[str]) -> dict[str, NDArray[Any]]:
             return {key: archive[key] for key in keys}
     except OSError as error:
         raise EchogridError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (ValueError, EOFError, zipfile.BadZipFile) as error:
+    except (ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise EchogridError(f"{path}: is not an .npz file of arrays: {error}") from error
 
 
@@ -49,7 +51,7 @@ def field(record: Any, key: str, path: Path) -> Any:
 
 
 def numbers(records: Any, keys: Iterable[tuple[str, int | None]], path: Path) -> NDArray[np.float64]:
-    """(N, keys) from a JSON list of objects; a key's second part is the place in a list, or None for a plain number. Raises EchogridError."""
+    """(N, keys) from a JSON list of objects; a key goes with a place in a list, or None for a plain number. Raises EchogridError."""
     if not isinstance(records, list) or not records:
         raise EchogridError(f"{path}: expected a list of at least one object")
     wanted = list(keys)

@@ -19,11 +19,11 @@ Cells = NDArray[np.int32]
 class BeamModel:
     """What one detection says about the cells of its beam: log-odds, spread over the rays by the azimuth's distribution."""
 
-    occupied: float = 1.4  # all that is spread over the cells where the reflection may lie
-    free: float = -0.25  # of a cell that the whole beam passes
-    beam_sigma: float = 0.026  # rad, of the azimuth
+    occupied: float = 1.7  # all that is spread over the cells where the reflection may lie
+    free: float = -0.12  # of a cell that the whole beam passes
+    beam_sigma: float = 0.018  # rad, of the azimuth
     rays: int = 5  # over +-2 sigma
-    margin: float = 1.0  # cells before the detection that the ray says nothing about
+    margin: float = 2.0  # cells before the detection that the ray says nothing about
 
 
 class AnalyticSensorModel:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from echogrid.core.health import Health
 from echogrid.core.messages import EgoMotion, Floats, RadarScan
@@ -13,7 +14,7 @@ from echogrid.core.mount import Mount
 from echogrid.core.occupancy import OccupancyMap
 from echogrid.core.odometry import EgoState, Odometry
 from echogrid.core.raster import Image, rasterize
-from echogrid.core.static_gate import GateNoise, is_static
+from echogrid.core.static_gate import GateNoise, beside_movers, is_static
 
 InverseSensorModel = Callable[[Image], Image]  # (C, H, W) -> (H, W) log-odds
 
@@ -85,7 +86,8 @@ class Mapper:
         if not placed:
             return None
         ego = max((ego for _, ego in placed), key=lambda ego: ego.stamp_ns)
-        points = np.concatenate([self._static_points(scan, then, ego) for scan, then in placed])
+        points, static = self._detections(placed, ego)
+        points = points[static & ~beside_movers(points, ~static, self.noise)]
         image = rasterize(points, self.map.spec)
         logits = self.infer(image)
         self.map.integrate(logits, ego.odom_from_base)
@@ -101,12 +103,18 @@ class Mapper:
         self.health.scans_without_pose += len(scans) - len(placed)
         return placed
 
-    def _static_points(self, scan: RadarScan, then: EgoState, now: EgoState) -> Floats:
-        """Static detections within the radar's range, (N, 2) in base at `now`, each carried there from where it was measured."""
-        mount = self.mounts[scan.sensor]
-        keep = scan.range <= mount.max_range
-        keep &= is_static(scan.azimuth, scan.range_rate, scan.ambiguity, mount, then.speed, then.yaw_rate, self.noise)
-        azimuth, range_ = scan.azimuth[keep], scan.range[keep]
-        in_sensor = np.stack((range_ * np.cos(azimuth), range_ * np.sin(azimuth)), axis=1)
-        now_from_then = now.odom_from_base.inverse() @ then.odom_from_base
-        return (now_from_then @ mount.base_from_sensor).apply(in_sensor)
+    def _detections(self, placed: list[tuple[RadarScan, EgoState]], now: EgoState) -> tuple[Floats, NDArray[np.bool_]]:
+        """All detections within their radars' range, (N, 2) in base at `now`, and which are static by their range rate, (N,).
+
+        Each is carried to `now` from where the car was when it was measured.
+        """
+        points, static = [], []
+        for scan, then in placed:
+            mount = self.mounts[scan.sensor]
+            near = scan.range <= mount.max_range
+            range_, azimuth, range_rate = scan.range[near], scan.azimuth[near], scan.range_rate[near]
+            in_sensor = np.stack((range_ * np.cos(azimuth), range_ * np.sin(azimuth)), axis=1)
+            now_from_then = now.odom_from_base.inverse() @ then.odom_from_base
+            points.append((now_from_then @ mount.base_from_sensor).apply(in_sensor))
+            static.append(is_static(azimuth, range_rate, scan.ambiguity, mount, then.speed, then.yaw_rate, self.noise))
+        return np.concatenate(points), np.concatenate(static)

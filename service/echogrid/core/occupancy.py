@@ -16,7 +16,8 @@ LogOdds = NDArray[np.float32]
 
 def probability(log_odds: LogOdds) -> LogOdds:
     """p(occupied) of log-odds."""
-    return (0.5 + 0.5 * np.tanh(0.5 * log_odds)).astype(np.float32)  # exp would overflow far from 0
+    p: LogOdds = 0.5 + 0.5 * np.tanh(0.5 * log_odds)  # exp would overflow far from 0
+    return p
 
 
 class OccupancyMap:

@@ -17,7 +17,7 @@ from echogrid.core.mount import Mount
 
 @dataclass(frozen=True, slots=True)
 class GateNoise:
-    """One-sigma errors of what the gate compares, and how many sigmas still count as static.
+    """One-sigma errors of what the gate compares, how many sigmas still count as static, and how far a mover reaches.
 
     The range-rate sigma is what the recordings in docs/real_data.md show (0.07–0.17 m/s) with the sensors' quantisation.
     """
@@ -27,6 +27,7 @@ class GateNoise:
     speed: float = 0.01  # of the speed
     yaw_rate: float = 0.005  # rad/s
     sigmas: float = 3.0
+    mover_radius: float = 2.5  # m: half the length of a car
 
 
 def static_range_rate(azimuth: Floats, mount: Mount, speed: float, yaw_rate: float) -> tuple[Floats, Floats]:
@@ -66,3 +67,14 @@ def is_static(
     variance = noise.range_rate**2 + (by_azimuth * noise.azimuth) ** 2 + (predicted * noise.speed) ** 2 + (lever * noise.yaw_rate) ** 2
     inside: NDArray[np.bool_] = fold(range_rate - predicted, ambiguity) ** 2 <= noise.sigmas**2 * variance
     return inside
+
+
+def beside_movers(points: Floats, moving: NDArray[np.bool_], noise: GateNoise) -> NDArray[np.bool_]:
+    """(N,) True for detections with at least two moving ones within `noise.mover_radius`. points: (N, 2) m, of one cycle.
+
+    A car that passes abeam shows no radial speed in the middle and much at its ends: what lies between them is part of it. One moving
+    neighbour is not enough, since one detection in twenty has a gross Doppler error.
+    """
+    distance = np.hypot(*(points[:, None, :] - points[moving][None, :, :]).transpose(2, 0, 1))  # (N, movers)
+    near: NDArray[np.bool_] = (distance < noise.mover_radius).sum(axis=1) >= 2
+    return near
