@@ -87,33 +87,41 @@ def _play_and_watch(service: Service, log: Path, out: Path, on_progress: Callabl
 
 
 def _play(service: Service, log: Path, on_progress: Callable[[float], None] | None) -> None:
-    config, health = service.config, service.pipeline.health
+    config = service.config
     buses = {
         bus.name: can.Bus(
             interface="virtual", channel=bus.channel, preserve_timestamps=True, protocol=can.CanProtocol.CAN_FD, ignore_config=True
         )
         for bus in config.bus
     }
-    messages = Log(log)
+    messages, sent = Log(log), 0
     try:
         for message in messages:
             bus = bus_of(message, config.bus)
-            if bus is None:
-                raise EchogridError(f"{log}: channel '{message.channel}' is none of the configuration's buses")
-            while messages.messages - health.frames > AHEAD_FRAMES and not service.stop.is_set():
-                time.sleep(0.001)
-            buses[bus].send(message)
-            if on_progress is not None and messages.messages % 256 == 0:
+            if (bus, (message.arbitration_id, message.is_extended_id)) not in service.pipeline.signals.readers:
+                continue  # the service's filter would not let it through: it could not be waited for
+            buses[str(bus)].send(message)
+            sent += 1
+            _wait_for(service, sent - AHEAD_FRAMES)
+            if on_progress is not None and sent % 256 == 0:
                 on_progress(messages.progress)
-        deadline = time.monotonic() + PATIENCE
-        while health.frames < messages.messages and not service.stop.is_set():
-            if time.monotonic() > deadline:
-                raise EchogridError(f"the service mapped {health.frames} of {messages.messages} frames, then stood still")
-            time.sleep(0.01)
+        _wait_for(service, sent)
         time.sleep(0.3)  # for the last window to reach the subscriber
     finally:
         for opened in buses.values():
             opened.shutdown()
+
+
+def _wait_for(service: Service, frames: int) -> None:
+    """Until the service has taken so many frames in. Raises EchogridError where it stands still."""
+    health = service.pipeline.health
+    seen, deadline = health.frames, time.monotonic() + PATIENCE
+    while health.frames < frames and not service.stop.is_set():
+        time.sleep(0.001)
+        if health.frames > seen:
+            seen, deadline = health.frames, time.monotonic() + PATIENCE
+        elif time.monotonic() > deadline:
+            raise EchogridError(f"the service took {seen} frames in, then none for {PATIENCE:.0f} s")
 
 
 def watch(endpoint: str, vehicle: str, out: Path) -> None:

@@ -101,7 +101,9 @@ def read_compact(path: Path) -> Source:
         if missing:
             raise EchogridError(f"{path}: {fields} has no '{missing[0]}', found {some(names)}")
         if arrays[table].ndim != 2 or arrays[table].shape[1] != len(names):
-            raise EchogridError(f"{path}: {table} has the shape {arrays[table].shape}, expected {len(names)} columns as {fields} names them")
+            raise EchogridError(
+                f"{path}: {table} has the shape {arrays[table].shape}, expected {len(names)} columns as {fields} names them"
+            )
         return arrays[table][:, [names.index(name) for name in wanted]].astype(np.float64)
 
     sweeps = {}

@@ -108,6 +108,8 @@ NONE = Noise(0.0, 0.0, 0.0, 0.0, 0.0, clutter=0)
 
 def cast(segments: Floats, origin: Floats, bearings: Floats) -> tuple[Floats, NDArray[np.intp]]:
     """The distance (N,) m from `origin` to the first of the segments (S, 2, 2) along each bearing (N,) rad, inf if none, and its index."""
+    if not len(segments):
+        return np.full(len(bearings), np.inf), np.zeros(len(bearings), dtype=np.intp)
     rays = np.stack((np.cos(bearings), np.sin(bearings)), axis=-1)[:, None]  # (N, 1, 2)
     along = (segments[:, 1] - segments[:, 0])[None]  # (1, S, 2)
     gap = (segments[:, 0] - origin)[None]

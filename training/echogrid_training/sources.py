@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import zipfile
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from echogrid.errors import EchogridError
 
 
-def load_npz(path: Path, keys: Iterable[str]) -> dict[str, NDArray[Any]]:
+def load_npz(path: Path, keys: Sequence[str]) -> dict[str, NDArray[Any]]:
     """Those arrays of an .npz file, every one of them there. Raises EchogridError."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as file:  # numpy leaves a file open that it opened itself and could not read
+            archive = np.load(file, allow_pickle=False)
             if not isinstance(archive, np.lib.npyio.NpzFile):
                 raise ValueError("it holds a single array")
             missing = [key for key in keys if key not in archive]

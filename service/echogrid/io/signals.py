@@ -61,7 +61,7 @@ class SignalReader:
         if message.is_error_frame or message.is_remote_frame:
             self.health.bad_frames += 1
             return []
-        received_ns = round(message.timestamp * 1e9)
+        received_ns = round(message.timestamp * 1e6) * 1000  # a float of seconds since 1970 holds microseconds, not nanoseconds
         if self.newest_ns is not None and received_ns < self.newest_ns - BACK_IN_TIME_NS:
             self.health.bad_frames += 1
             return []
