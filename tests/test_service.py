@@ -1,0 +1,104 @@
+"""The running service: buses in, Zenoh out, and what it must not import."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from echogrid.client import Client
+from echogrid.demo import demo
+from echogrid.io.drive import find_drive
+from echogrid.replay import replay
+from tests import world
+
+DEMO = Path(__file__).parent.parent / "service" / "echogrid" / "demo_drive"
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def test_through_a_virtual_bus_the_map_is_that_of_the_file(tmp_path: Path) -> None:
+    """The demo's whole way: CAN bus, service threads, Zenoh, a subscriber in another process."""
+    through_bus = demo(tmp_path / "bus")
+    from_file = replay(find_drive(DEMO, None), tmp_path / "file")
+    assert through_bus["map_sha256"] == from_file["map_sha256"]
+    assert through_bus["cycles"] == from_file["cycles"] > 700
+    assert (tmp_path / "bus" / "received.png").is_file()
+    with np.load(tmp_path / "bus" / "map.npz") as file:
+        assert (file["log_odds"] > 1).sum() > 1000
+
+
+def test_nothing_in_the_service_imports_torch_or_the_training_package() -> None:
+    code = (
+        "import importlib, pkgutil, sys, echogrid\n"
+        "for module in pkgutil.walk_packages(echogrid.__path__, 'echogrid.'):\n"
+        "    if not module.name.endswith('__main__'): importlib.import_module(module.name)\n"
+        "print(sorted(name for name in sys.modules if name.split('.')[0] in ('torch', 'echogrid_training')))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> tuple[Path, int]:
+    """A service on a UDP-multicast-free, in-process bus: alive, but without traffic."""
+    port = free_port()
+    path = tmp_path / "echogrid.toml"
+    path.write_text(world.CONFIG + f'\n[publish]\nlisten = ["tcp/127.0.0.1:{port}"]\n')
+    return path, port
+
+
+def test_run_says_that_it_waits_and_ends_cleanly_on_a_signal(config: tuple[Path, int]) -> None:
+    path, port = config
+    command = [sys.executable, "-W", "error", "-m", "echogrid", "run", "-c", str(path)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as service:
+        with Client(f"tcp/127.0.0.1:{port}", "test") as client:
+            status = None
+            deadline = time.monotonic() + 30
+            while status is None and time.monotonic() < deadline:
+                status = client.status(timeout=1.0)
+            assert status is not None
+            assert status["state"] == "waiting"
+            assert set(status["sensors"]) == set(world.RADARS)
+            assert client.alive()
+        os.kill(service.pid, signal.SIGTERM)
+        _, errors = service.communicate(timeout=10)
+    assert service.returncode == 0
+    assert "Traceback" not in errors
+    assert "stopped after 0 cycles" in errors
+
+
+def test_a_bus_that_is_not_there_is_one_sentence(tmp_path: Path, config: tuple[Path, int]) -> None:
+    path, _ = config
+    path.write_text(
+        path.read_text().replace('interface = "virtual"', 'interface = "socketcan"').replace('"can0"\n\n[motion]', '"can97"\n\n[motion]')
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "echogrid", "run", "-c", str(path)], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 1
+    lines = done.stderr.splitlines()
+    assert lines[-1].startswith("echogrid: bus 'can0': socketcan channel 'can97' cannot be opened: ")
+    assert "Traceback" not in done.stderr
+
+
+def test_status_is_json(config: tuple[Path, int]) -> None:
+    from echogrid.app import Service
+    from echogrid.config import load_config
+    from echogrid.pipeline import Pipeline
+
+    path, _ = config
+    status = Service(Pipeline(load_config(path), path)).status()
+    assert json.loads(json.dumps(status))["state"] == "waiting"
