@@ -82,12 +82,10 @@ def test_run_says_that_it_waits_and_ends_cleanly_on_a_signal(config: tuple[Path,
 
 def test_a_bus_that_is_not_there_is_one_sentence(tmp_path: Path, config: tuple[Path, int]) -> None:
     path, _ = config
-    path.write_text(
-        path.read_text().replace('interface = "virtual"', 'interface = "socketcan"').replace('"can0"\n\n[motion]', '"can97"\n\n[motion]')
-    )
-    done = subprocess.run(
-        [sys.executable, "-m", "echogrid", "run", "-c", str(path)], capture_output=True, text=True, timeout=60, check=False
-    )
+    text = path.read_text().replace('interface = "virtual"', 'interface = "socketcan"').replace('channel = "can0"', 'channel = "can97"')
+    path.write_text(text)
+    command = [sys.executable, "-m", "echogrid", "run", "-c", str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 1
     lines = done.stderr.splitlines()
     assert lines[-1].startswith("echogrid: bus 'can0': socketcan channel 'can97' cannot be opened: ")

@@ -40,11 +40,11 @@ def test_the_cells_before_a_detection_are_free_and_the_cell_itself_is_occupied()
     model = AnalyticSensorModel(SPEC, [Mount(SE2(3.0, 0.0, 0.0), 1.3, 25.0)])
     log_odds = model(rasterize(np.array([[12.0, 0.1]]), SPEC))
     row = SPEC.cells // 2
-    column = SPEC.index(np.array([[12.0, 0.1]]))[0] % SPEC.cells
+    column = SPEC.locate(np.array([[12.0, 0.1]]))[0] % SPEC.cells
     assert log_odds[row, column] > 0
     assert (log_odds[row, column - 30 : column - 2] < 0).all()
     assert (log_odds[:, column + 2 :] == 0).all()  # nothing is said of what lies behind
-    assert (log_odds[:, : SPEC.index(np.array([[3.0, 0.1]]))[0] % SPEC.cells] == 0).all()  # nor behind the radar
+    assert (log_odds[:, : SPEC.locate(np.array([[3.0, 0.1]]))[0] % SPEC.cells] == 0).all()  # nor behind the radar
     assert log_odds.argmax() == row * SPEC.cells + column
 
 

@@ -115,10 +115,3 @@ SG_MUL_VAL_ 256 Other Outer 0-0;
     leaf, other = decoder.decode(stack(payloads, 8)).T
     np.testing.assert_array_equal(leaf, [-1.0, -1.0, np.nan, np.nan])
     np.testing.assert_array_equal(other, [np.nan, np.nan, np.nan, 65534.0])
-
-
-def test_a_longer_payload_is_cut_to_the_message() -> None:
-    """CAN FD pads a 10-byte message to 12 bytes."""
-    message = cantools.database.load_string('BU_: T R\n\nBO_ 256 Message: 10 T\n SG_ Last : 72|8@1+ (1,0) [0|0] "" R\n', "dbc").messages[0]
-    decoder = BatchDecoder(message)
-    assert decoder.decode(stack([bytes(9) + b"\x07\xaa\xaa"], 10)) == [[7.0]]

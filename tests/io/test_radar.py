@@ -90,6 +90,14 @@ def test_a_short_frame_is_refused() -> None:
         radar.add(frame(0x300, bytes(8), 0.0), 0)
 
 
+def test_a_longer_frame_is_cut_to_the_message() -> None:
+    """CAN FD knows no length between 48 and 64: what a message does not fill is padding."""
+    radar, _ = reader("corner_radar")
+    messages = radar_cycle(DETECTIONS, 1, 1.0)
+    messages[0] = frame(0x300, bytes(messages[0].data) + b"\xaa" * 4, 1.0, fd=True)
+    assert len(feed(radar, messages)) == 1
+
+
 def test_detections_flagged_invalid_or_at_no_range_are_dropped_and_counted() -> None:
     radar, health = reader("corner_radar")
     scan = feed(radar, radar_cycle([(5.0, 0.0, 0.0), (0.0, 0.1, 0.0), (6.0, 0.2, 0.0)], 1, 1.0))[0]

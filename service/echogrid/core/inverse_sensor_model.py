@@ -35,8 +35,12 @@ class AnalyticSensorModel:
 
     def __init__(self, spec: GridSpec, mounts: Sequence[Mount], beam: BeamModel | None = None) -> None:
         self.spec = spec
-        self.mounts = mounts
         self.beam = beam or BeamModel()
+        self._centres = spec.centres().reshape(-1, 2)
+        self._origins = np.array([(mount.base_from_sensor.x, mount.base_from_sensor.y) for mount in mounts])
+        distance = np.hypot(*(self._centres[None] - self._origins[:, None]).transpose(2, 0, 1))  # (mounts, H * W)
+        distance[~np.array([mount.sees(self._centres) for mount in mounts])] = np.inf
+        self._sensor = np.where(np.isfinite(distance.min(axis=0)), distance.argmin(axis=0), -1)  # (H * W,); -1: none sees the cell
         self._said: dict[int, tuple[Cells, Image]] = {}  # flat cell of a detection -> flat cells and their log-odds
 
     def __call__(self, image: Image) -> Image:
@@ -52,28 +56,29 @@ class AnalyticSensorModel:
 
     def _say(self, cell: int) -> tuple[Cells, Image]:
         """What a detection in the middle of a cell says, remembered."""
-        row, column = divmod(cell, self.spec.cells)
-        centre = (np.array((column, row)) + 0.5) * self.spec.cell - self.spec.half  # (x, y) in base
-        seen_from = [mount.base_from_sensor for mount in self.mounts if mount.sees(centre)]
-        if seen_from:
-            origins = [np.array((pose.x, pose.y)) for pose in seen_from]
-            log_odds = _beam(centre, min(origins, key=lambda origin: np.hypot(*(centre - origin))), self.spec, self.beam)
+        sensor = self._sensor[cell]
+        if sensor < 0:
+            said = np.empty(0, dtype=np.int32), np.empty(0, dtype=np.float32)
         else:
-            log_odds = np.zeros(self.spec.cells**2)
-        cells = np.flatnonzero(log_odds).astype(np.int32)
-        self._said[cell] = cells, log_odds[cells].astype(np.float32)
-        return self._said[cell]
+            said = _beam(self._centres[cell], self._origins[sensor], self.spec, self.beam)
+        self._said[cell] = said
+        return said
 
 
-def _beam(centre: Floats, origin: Floats, spec: GridSpec, beam: BeamModel) -> Floats:
-    """(H * W,) log-odds of a detection at `centre` seen from `origin` (both (2,), base): free along the rays, occupied at their ends."""
-    log_odds = np.zeros(spec.cells**2)
+def _beam(centre: Floats, origin: Floats, spec: GridSpec, beam: BeamModel) -> tuple[Cells, Image]:
+    """Flat cells and log-odds of a detection at `centre` seen from `origin` (both (2,), base): free on the rays, occupied at their ends."""
     distance, bearing = np.hypot(*(centre - origin)), np.arctan2(*(centre - origin)[::-1])
     sigmas = np.linspace(-2, 2, beam.rays)
     weights = np.exp(-(sigmas**2) / 2) / np.exp(-(sigmas**2) / 2).sum()
+    angles = bearing + sigmas * beam.beam_sigma
+    rays = np.stack((np.cos(angles), np.sin(angles)), axis=-1)  # (rays, 2)
     steps = np.arange(spec.cell / 2, distance - beam.margin * spec.cell, spec.cell / 2)
-    for angle, weight in zip(bearing + sigmas * beam.beam_sigma, weights, strict=True):
-        direction = np.array((np.cos(angle), np.sin(angle)))
-        log_odds[np.unique(spec.index(origin + steps[:, None] * direction))] += beam.free * weight
-        log_odds[spec.index((origin + distance * direction)[None])] += beam.occupied * weight
-    return log_odds
+    passed = spec.locate(origin + steps[None, :, None] * rays[:, None, :])  # (rays, steps)
+    size = spec.cells**2
+    once = np.unique((np.arange(beam.rays)[:, None] * size + passed)[passed >= 0])  # a ray passes a cell once
+    ends = spec.locate(origin + distance * rays)
+    inside = ends >= 0
+    cells = np.concatenate((once % size, ends[inside]))
+    log_odds = np.concatenate((beam.free * weights[once // size], beam.occupied * weights[inside]))
+    unique, place = np.unique(cells, return_inverse=True)
+    return unique.astype(np.int32), np.bincount(place, weights=log_odds).astype(np.float32)

@@ -85,16 +85,18 @@ class OccupancyMap:
         row = int(np.floor((odom_from_base.y - reach) / cell))
         size = int(np.ceil(2 * reach / cell)) + 1
         c, s = np.cos(odom_from_base.yaw), np.sin(odom_from_base.yaw)
-        dx = (column + np.arange(size) + 0.5) * cell - odom_from_base.x
-        dy = (row + np.arange(size) + 0.5)[:, None] * cell - odom_from_base.y
+        # From the car, in cells: small enough for float32, which halves the time.
+        dx = (((column + np.arange(size) + 0.5) * cell - odom_from_base.x) / cell).astype(np.float32)
+        dy = (((row + np.arange(size) + 0.5) * cell - odom_from_base.y) / cell).astype(np.float32)[:, None]
         # Patch coordinates in cells, shifted by the half cell to the centres and by the border of one zero cell.
-        u = ((c * dx + s * dy) + half) / cell + 0.5
-        v = ((c * dy - s * dx) + half) / cell + 0.5
+        c, s, shift = np.float32(c), np.float32(s), np.float32(half / cell + 0.5)
+        u = c * dx + s * dy + shift
+        v = c * dy - s * dx + shift
         padded = np.pad(logits, 1)
         limit = self.spec.cells  # padded has cells + 2 entries: 0 … cells + 1
         outside = (u < 0) | (v < 0) | (u >= limit + 1) | (v >= limit + 1)
         u0, v0 = np.floor(u), np.floor(v)
-        fu, fv = (u - u0).astype(np.float32), (v - v0).astype(np.float32)
+        fu, fv = u - u0, v - v0
         flat = np.where(outside, 0, v0 * (limit + 2) + u0).astype(np.intp)
         values = padded.reshape(-1)
         below = values[flat] * (1 - fu) + values[flat + 1] * fu

@@ -27,11 +27,12 @@ class GridSpec:
         """Metres from base to each edge."""
         return self.cells * self.cell / 2
 
-    def index(self, points: Floats) -> NDArray[np.int64]:
-        """Flat indices (M,) into a (cells, cells) image of those points (N, 2) in base that lie inside it."""
+    def locate(self, points: Floats) -> NDArray[np.int64]:
+        """Flat index (…,) into a (cells, cells) image of points (…, 2) in base; -1 for those outside."""
         place = np.floor((points + self.half) / self.cell).astype(np.int64)
-        inside = ((place >= 0) & (place < self.cells)).all(axis=1)
-        return place[inside, 1] * self.cells + place[inside, 0]
+        column, row = place[..., 0], place[..., 1]
+        inside = (column >= 0) & (column < self.cells) & (row >= 0) & (row < self.cells)
+        return np.where(inside, row * self.cells + column, -1)
 
     def centres(self) -> Floats:
         """(cells, cells, 2): x and y of every cell's centre in base, m."""
@@ -42,5 +43,6 @@ class GridSpec:
 def rasterize(points: Floats, spec: GridSpec) -> Image:
     """The paper's radar image: (1, cells, cells) float32, 1 where a static detection lies, else -1. points: (N, 2) in base, m."""
     image = np.full((1, spec.cells, spec.cells), -1.0, dtype=np.float32)
-    image.reshape(-1)[spec.index(points)] = 1.0
+    drawn = spec.locate(points)
+    image.reshape(-1)[drawn[drawn >= 0]] = 1.0
     return image

@@ -1,8 +1,8 @@
 """Signals out of CAN payloads, many frames at once: a decoder compiled from the DBC.
 
-Each signal is at most 64 bits somewhere in the payload. Walking from the byte of its least significant bit towards its most significant
-one (upwards for Intel, downwards for Motorola byte order) and reading eight bytes in that order as a little-endian word leaves
-the signal `shift` bits above zero in either byte order; a ninth byte is needed where shift + length exceeds 64.
+Each signal is at most 64 bits somewhere in the payload. From the byte of its least significant bit on, upwards for Intel and downwards
+for Motorola byte order, eight bytes make a little-endian word that holds the signal `shift` bits above zero; a ninth byte is needed
+where shift + length exceeds 64. Each row holds the payload forwards and backwards, so that both byte orders read upwards.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from cantools.database.can import Signal as DbcSignal
 from numpy.typing import NDArray
 
 WORD = 8  # bytes read for a signal
-MARGIN = WORD + 1  # zero bytes before and after a payload, so that no window leaves the row
+MARGIN = WORD + 1  # zero bytes after a payload, so that no word leaves the row
 EXACT = 2**53  # integers beyond do not fit a float64
 
 
@@ -66,8 +66,8 @@ def layout_of(signal: DbcSignal) -> SignalLayout:
 
 
 def stack(payloads: Sequence[bytes], length: int) -> NDArray[np.uint8]:
-    """Payloads of at least `length` bytes as rows (N, length)."""
-    return np.frombuffer(b"".join([payload[:length] for payload in payloads]), dtype=np.uint8).reshape(-1, length)
+    """Payloads of exactly `length` bytes as rows (N, length)."""
+    return np.frombuffer(b"".join(payloads), dtype=np.uint8).reshape(-1, length)
 
 
 class BatchDecoder:
@@ -92,10 +92,9 @@ class BatchDecoder:
 
     def _compile(self) -> None:
         layouts = self.layouts
-        step = np.array([layout.step for layout in layouts], dtype=np.intp)[:, None]
-        first = np.array([layout.lsb_byte for layout in layouts], dtype=np.intp)[:, None] + MARGIN
-        self._window = (first + step * np.arange(WORD)).ravel()  # (S * 8,) columns of the padded row
-        self._ninth = (first + step * WORD).ravel()
+        backwards = self.length + MARGIN  # where the reversed payload begins in a row
+        first = [layout.lsb_byte if layout.step > 0 else backwards + self.length - 1 - layout.lsb_byte for layout in layouts]
+        self._first = np.array(first, dtype=np.intp)  # byte of each signal's word in a row
         self._shift = np.array([layout.shift for layout in layouts], dtype=np.uint64)
         self._wide = np.flatnonzero([layout.shift + layout.length > 64 for layout in layouts])
         bits = [layout.length for layout in layouts]
@@ -110,13 +109,15 @@ class BatchDecoder:
 
     def bits(self, payloads: NDArray[np.uint8]) -> NDArray[np.uint64]:
         """(N, columns) raw bits of every signal, not sign-extended."""
-        padded = np.zeros((len(payloads), self.length + 2 * MARGIN), dtype=np.uint8)
-        padded[:, MARGIN:-MARGIN] = payloads
-        words = np.take(padded, self._window, axis=1).view("<u8")
+        count, length, width = len(payloads), self.length, 2 * (self.length + MARGIN)
+        rows = np.zeros((count, width), dtype=np.uint8)
+        rows[:, :length] = payloads
+        rows[:, length + MARGIN : -MARGIN] = payloads[:, ::-1]
+        overlapping = np.ndarray((count, width - WORD + 1), "<u8", rows, strides=(width, 1))  # the word that begins at each byte
+        words = overlapping[:, self._first]
         words >>= self._shift
         for column in self._wide:
-            ninth = padded[:, self._ninth[column]].astype(np.uint64)
-            words[:, column] |= ninth << (np.uint64(64) - self._shift[column])
+            words[:, column] |= rows[:, self._first[column] + WORD].astype(np.uint64) << (np.uint64(64) - self._shift[column])
         words &= self._mask
         return words
 

@@ -1,0 +1,139 @@
+"""`make bench`: the figures of docs/performance.md, in one run, beside named references. Prints them and writes out/bench.json.
+
+Absolute times swing by a third on a shared machine; the ratios within one run are what counts.
+"""
+
+from __future__ import annotations
+
+import json
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cantools
+import numpy as np
+import opendbc
+from opendbc.can import CANParser
+
+from echogrid.config import load_config
+from echogrid.core.health import SensorHealth
+from echogrid.core.messages import RadarScan
+from echogrid.core.raster import rasterize
+from echogrid.core.static_gate import beside_movers
+from echogrid.io.dbc import Dbc
+from echogrid.io.decode import BatchDecoder, stack
+from echogrid.io.drive import find_drive
+from echogrid.io.log import Log
+from echogrid.io.profile import find, load_radar
+from echogrid.io.radar import RadarReader
+from echogrid.io.signals import bus_of
+from echogrid.pipeline import Pipeline
+from tests.frames import frame, radar_cycle
+
+ROOT = Path(__file__).parent.parent.parent
+FORD = Path(opendbc.__file__).parent / "dbc" / "FORD_CADS.dbc"
+
+
+def median_us(work: Callable[[], Any], repeats: int = 200) -> float:
+    """Median time of one call in microseconds, after ten calls to warm up."""
+    for _ in range(10):
+        work()
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - start)
+    return statistics.median(times) * 1e6
+
+
+def decoding() -> dict[str, float]:
+    """One cycle of 64 frames of Ford's MRR (10 signals each) by three decoders, and one of our CAN FD radar (64 detections, 8 pages)."""
+    dbc = cantools.database.load_file(FORD, strict=False)
+    random = np.random.default_rng(0)
+    messages = [dbc.get_message_by_name(f"MRR_Detection_{n:03d}") for n in range(1, 65)]
+    payloads = [random.integers(0, 256, 8, dtype=np.uint8).tobytes() for _ in messages]
+    ours = BatchDecoder(messages[0])
+    pairs = list(zip(messages, payloads, strict=True))
+    parser = CANParser("FORD_CADS", [(message.name, 0) for message in messages], 0)
+    frames = [(message.frame_id, payload, 0) for message, payload in pairs]
+    stamps = iter(range(1, 10**9))
+    detections = [(2.0 + 0.3 * i, -1.2 + 0.03 * i, -5.0) for i in range(64)]
+    path = find("corner_radar", Path())
+    profile = load_radar(path)
+    radar = RadarReader("radar", profile, Dbc(path.parent / str(profile.dbc), path), 0, SensorHealth())
+    cycles = iter([radar_cycle(detections, number, 1.0 + number) for number in range(1, 220)])
+    ford_path = find("ford_mrr", Path())
+    mrr = RadarReader("mrr", load_radar(ford_path), Dbc(FORD, ford_path), 0, SensorHealth())
+    mrr_frames = [frame(message.frame_id, payload, 1.0) for message, payload in pairs]
+    return {
+        "ours, batch": median_us(lambda: ours.decode(stack(payloads, 8))),
+        "cantools": median_us(lambda: [message.decode(payload, decode_choices=False) for message, payload in pairs]),
+        "opendbc parser": median_us(lambda: parser.update([(next(stamps) * 50_000_000, frames)])),
+        "ours, frames taken in one by one": median_us(lambda: [mrr.add(message, 1) for message in mrr_frames]),
+        "ours, FD cycle to scan (9 frames, 64 detections, CRC)": median_us(
+            lambda: [radar.add(message, round(message.timestamp * 1e9)) for message in next(cycles)]
+        ),
+    }
+
+
+def stages() -> dict[str, float]:
+    """Medians per map update on the demo drive, in microseconds; everything is what the service itself calls."""
+    drive = find_drive(ROOT / "service" / "echogrid" / "demo_drive", None)
+    config = load_config(drive.config)
+    pipeline = Pipeline(config, drive.config)
+    mapper = pipeline.mapper
+    spent: dict[str, list[float]] = {}
+
+    def timed(stage: str, work: Callable[[], Any]) -> Any:
+        start = time.perf_counter()
+        result = work()
+        spent.setdefault(stage, []).append(time.perf_counter() - start)
+        return result
+
+    decode_s, decoded = 0.0, []
+    for message in Log(drive.log):
+        bus = bus_of(message, config.bus) or ""
+        start = time.perf_counter()
+        items = pipeline.signals.add(bus, message)
+        decode_s += time.perf_counter() - start
+        for item in items:
+            mapper.on_scan(item) if isinstance(item, RadarScan) else mapper.on_motion(item)
+        decoded.append(len(items))
+        now = pipeline.signals.newest_ns or 0
+        if mapper.cycle_end_ns is None or now >= mapper.cycle_end_ns:
+            mapper.cycle_end_ns = now // mapper.cycle_ns * mapper.cycle_ns + mapper.cycle_ns
+            placed, mapper.pending = mapper._place(mapper.pending), []
+            if not placed:
+                continue
+            ego = max((ego for _, ego in placed), key=lambda ego: ego.stamp_ns)
+            points, static = timed("gate by range rate", lambda: mapper._detections(placed, ego))  # noqa: B023
+            beside = timed("gate beside movers", lambda: beside_movers(points, ~static, mapper.noise))  # noqa: B023
+            image = timed("rasterise", lambda: rasterize(points[static & ~beside], mapper.map.spec))  # noqa: B023
+            logits = timed("inverse sensor model", lambda: mapper.infer(image))  # noqa: B023
+            timed("integrate", lambda: mapper.map.integrate(logits, ego.odom_from_base))  # noqa: B023
+            timed("window to publish", lambda: mapper.map.around(ego.odom_from_base, config.publish.window_cells))  # noqa: B023
+    updates = len(spent["integrate"])
+    medians = {stage: statistics.median(times) * 1e6 for stage, times in spent.items()}
+    return {"decode and assemble (mean per update)": decode_s / updates * 1e6, **medians}
+
+
+def main() -> None:
+    """Both tables."""
+    decoders, parts = decoding(), stages()
+    reference = decoders["ours, batch"]
+    print("decoding one 64-frame cycle")
+    for name, value in decoders.items():
+        print(f"  {name:<56}{value:9.1f} us{value / reference:8.1f} x")
+    print("one map update of the demo drive")
+    for name, value in parts.items():
+        print(f"  {name:<56}{value:9.1f} us")
+    print(f"  {'sum':<56}{sum(parts.values()):9.1f} us")
+    out = ROOT / "out"
+    out.mkdir(exist_ok=True)
+    (out / "bench.json").write_text(json.dumps({"decode_us": decoders, "update_us": parts}, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()
