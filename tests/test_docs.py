@@ -1,0 +1,48 @@
+"""The documents name every key and signal that there is."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import cantools
+import msgspec
+import pytest
+
+from echogrid.config import Config, load_config
+from echogrid.core.health import Health
+from echogrid.io.profile import MotionProfile, RadarProfile
+from echogrid.io.signals import SignalReader
+
+ROOT = Path(__file__).parent.parent
+
+
+def keys(kind: object) -> set[str]:
+    if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+        return {field.encode_name for field in msgspec.structs.fields(kind)} | set().union(
+            *(keys(field.type) for field in msgspec.structs.fields(kind))
+        )
+    return set().union(*(keys(inner) for inner in getattr(kind, "__args__", ())))
+
+
+@pytest.mark.parametrize(
+    ("document", "kind"), [("docs/configuration.md", Config), ("dbc/README.md", RadarProfile), ("dbc/README.md", MotionProfile)]
+)
+def test_every_key_is_explained(document: str, kind: type) -> None:
+    text = (ROOT / document).read_text()
+    assert {key for key in keys(kind) if not re.search(rf"\b{key}\b", text)} == set()
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "dbc").glob("*.dbc")), ids=lambda path: path.name)
+def test_every_signal_is_in_the_table_with_its_unit(path: Path) -> None:
+    text = (ROOT / "dbc" / "README.md").read_text().split(f"### {path.name}")[1].split("###")[0]
+    for message in cantools.database.load_file(path).messages:
+        for signal in message.signals:
+            name = re.sub(r"_\d+$", "_{k}", signal.name)
+            assert re.search(rf"\| `{re.escape(name)}` \| {re.escape(signal.unit or '1')} \| {signal.scale:g} \|", text), name
+
+
+def test_the_configuration_to_start_from_is_sound() -> None:
+    path = ROOT / "deploy" / "echogrid.toml"
+    config = load_config(path)
+    assert len(SignalReader(config, path, Health()).ids("radars")) == 8
