@@ -9,8 +9,10 @@ import json
 import statistics
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import cantools
 import numpy as np
@@ -18,10 +20,8 @@ import opendbc
 from opendbc.can import CANParser
 
 from echogrid.config import load_config
+from echogrid.core import mapper as mapper_module
 from echogrid.core.health import SensorHealth
-from echogrid.core.messages import RadarScan
-from echogrid.core.raster import rasterize
-from echogrid.core.static_gate import beside_movers
 from echogrid.io.dbc import Dbc
 from echogrid.io.decode import BatchDecoder, stack
 from echogrid.io.drive import find_drive
@@ -79,44 +79,40 @@ def decoding() -> dict[str, float]:
 
 
 def stages() -> dict[str, float]:
-    """Medians per map update on the demo drive, in microseconds; everything is what the service itself calls."""
+    """Mean time per map update of the demo drive in microseconds, stage by stage, inside the service's own run."""
     drive = find_drive(ROOT / "service" / "echogrid" / "demo_drive", None)
     config = load_config(drive.config)
     pipeline = Pipeline(config, drive.config)
     mapper = pipeline.mapper
-    spent: dict[str, list[float]] = {}
+    spent: dict[str, float] = {}
 
-    def timed(stage: str, work: Callable[[], Any]) -> Any:
-        start = time.perf_counter()
-        result = work()
-        spent.setdefault(stage, []).append(time.perf_counter() - start)
-        return result
+    def timed(stage: str, work: Callable[..., Any]) -> Callable[..., Any]:
+        def run(*arguments: Any, **named: Any) -> Any:
+            start = time.perf_counter()
+            result = work(*arguments, **named)
+            spent[stage] = spent.get(stage, 0.0) + time.perf_counter() - start
+            return result
 
-    decode_s, decoded = 0.0, []
-    for message in Log(drive.log):
-        bus = bus_of(message, config.bus) or ""
-        start = time.perf_counter()
-        items = pipeline.signals.add(bus, message)
-        decode_s += time.perf_counter() - start
-        for item in items:
-            mapper.on_scan(item) if isinstance(item, RadarScan) else mapper.on_motion(item)
-        decoded.append(len(items))
-        now = pipeline.signals.newest_ns or 0
-        if mapper.cycle_end_ns is None or now >= mapper.cycle_end_ns:
-            mapper.cycle_end_ns = now // mapper.cycle_ns * mapper.cycle_ns + mapper.cycle_ns
-            placed, mapper.pending = mapper._place(mapper.pending), []
-            if not placed:
-                continue
-            ego = max((ego for _, ego in placed), key=lambda ego: ego.stamp_ns)
-            points, static = timed("gate by range rate", lambda: mapper._detections(placed, ego))  # noqa: B023
-            beside = timed("gate beside movers", lambda: beside_movers(points, ~static, mapper.noise))  # noqa: B023
-            image = timed("rasterise", lambda: rasterize(points[static & ~beside], mapper.map.spec))  # noqa: B023
-            logits = timed("inverse sensor model", lambda: mapper.infer(image))  # noqa: B023
-            timed("integrate", lambda: mapper.map.integrate(logits, ego.odom_from_base))  # noqa: B023
-            timed("window to publish", lambda: mapper.map.around(ego.odom_from_base, config.publish.window_cells))  # noqa: B023
-    updates = len(spent["integrate"])
-    medians = {stage: statistics.median(times) * 1e6 for stage, times in spent.items()}
-    return {"decode and assemble (mean per update)": decode_s / updates * 1e6, **medians}
+        return run
+
+    pipeline.signals.add = timed("decode and assemble", pipeline.signals.add)  # type: ignore[method-assign]
+    mapper.infer = timed("inverse sensor model", mapper.infer)
+    mapper.map.integrate = timed("integrate", mapper.map.integrate)  # type: ignore[method-assign]
+    mapper.end_cycle = timed("whole update", mapper.end_cycle)  # type: ignore[method-assign]
+    around = timed("window to publish", mapper.map.around)
+    functions = {"is_static": "gate by range rate", "beside_movers": "gate beside movers", "rasterize": "rasterise"}
+    with ExitStack() as patches:
+        for name, stage in functions.items():
+            patches.enter_context(mock.patch.object(mapper_module, name, timed(stage, getattr(mapper_module, name))))
+        for message in Log(drive.log):
+            update = pipeline.add(bus_of(message, config.bus) or "", message)
+            if update is not None:
+                around(update.ego.odom_from_base, config.publish.window_cells)
+    updates = pipeline.health.cycles
+    whole = spent.pop("whole update")
+    inside = sum(spent[stage] for stage in (*functions.values(), "inverse sensor model", "integrate"))
+    spent["poses, transforms and the rest"] = whole - inside
+    return {stage: seconds / updates * 1e6 for stage, seconds in spent.items()}
 
 
 def main() -> None:
