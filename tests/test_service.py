@@ -88,7 +88,7 @@ def test_a_bus_that_is_not_there_is_one_sentence(tmp_path: Path, config: tuple[P
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 1
     lines = done.stderr.splitlines()
-    assert lines[-1].startswith("echogrid: bus 'can0': socketcan channel 'can97' cannot be opened: ")
+    assert lines[-1].startswith(f"echogrid: {path}: bus 'can0': socketcan channel 'can97' cannot be opened: ")
     assert "Traceback" not in done.stderr
 
 

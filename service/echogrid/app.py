@@ -51,12 +51,7 @@ class Service:
     def run(self) -> None:
         """Until `stop` is set. Raises EchogridError where a bus or the publisher cannot be opened, or a bus is lost."""
         with ExitStack() as opened:
-            publisher = opened.enter_context(Publisher(self.config.publish, self.config.vehicle))
-            buses = []
-            for bus in self.config.bus:
-                opened_bus = open_bus(bus, self.pipeline.signals.ids(bus.name))
-                opened.callback(opened_bus.shutdown)
-                buses.append((bus, opened_bus))
+            publisher, buses = self._open(opened)
             workers = [threading.Thread(target=self._receive, args=pair, name=pair[0].name) for pair in buses]
             workers.append(threading.Thread(target=self._publish, args=(publisher,), name="publisher"))
             for worker in workers:
@@ -71,6 +66,19 @@ class Service:
                     worker.join()
         if self.failure is not None:
             raise self.failure
+
+    def _open(self, opened: ExitStack) -> tuple[Publisher, list[tuple[Bus, can.BusABC]]]:
+        """Everything that leads outside; what is wrong names the configuration's file."""
+        buses = []
+        try:
+            publisher = opened.enter_context(Publisher(self.config.publish, self.config.vehicle))
+            for bus in self.config.bus:
+                opened_bus = open_bus(bus, self.pipeline.signals.ids(bus.name))
+                opened.callback(opened_bus.shutdown)
+                buses.append((bus, opened_bus))
+        except EchogridError as error:
+            raise EchogridError(f"{self.pipeline.signals.source}: {error}") from error
+        return publisher, buses
 
     def status(self) -> dict[str, Any]:
         """What goes out as status: the state of the map and all counters."""
