@@ -42,7 +42,8 @@ def swept(outlines: Floats, step: float = 0.2) -> NDArray[np.object_]:
     walked = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(middle, axis=0).T))))
     kept = np.searchsorted(walked, np.arange(0.0, walked[-1] + step, step))
     kept = np.unique(np.minimum(kept, len(walked) - 1))
-    return shapely.polygons(outlines[kept])
+    polygons: NDArray[np.object_] = shapely.polygons(outlines[kept])
+    return polygons
 
 
 def in_the_way(shapes: Sequence[shapely.Geometry], sweep: NDArray[np.object_], room: float = ROOM) -> NDArray[np.bool_]:
@@ -59,6 +60,10 @@ def overlapping(ours: Floats, theirs: Floats, room: float = 0.0) -> NDArray[np.b
 
     By separating axes: apart if along a side of either all corners of one lie beyond those of the other.
     """
+    diagonals = sum(np.hypot(*(boxes[0, 2] - boxes[0, 0])) for boxes in (ours, theirs))
+    between = (ours[:, 0] + ours[:, 2] - theirs[:, 0] - theirs[:, 2]) / 2  # of their centres
+    near = np.hypot(between[:, 0], between[:, 1]) < diagonals / 2 + 2 * room
+    ours, theirs = ours[near], theirs[near]
     apart = np.zeros(len(ours), dtype=bool)
     for one in (ours, theirs):
         for side in (0, 1):
@@ -67,7 +72,9 @@ def overlapping(ours: Floats, theirs: Floats, room: float = 0.0) -> NDArray[np.b
             mine, other = (np.einsum("tcd,td->tc", box, axis) for box in (ours, theirs))
             gap = np.maximum(other.min(axis=1) - mine.max(axis=1), mine.min(axis=1) - other.max(axis=1))
             apart |= gap > room
-    return ~apart
+    near[near] = ~apart
+    found: NDArray[np.bool_] = near
+    return found
 
 
 def resampled(track: Track, rate: float) -> Track:

@@ -1,40 +1,38 @@
-"""echogrid-train: makes drives to replay, out of public recordings or of a generated scene."""
+"""echogrid-train: makes drives to replay, out of public recordings, of simulated towns, or of one generated scene."""
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import track
+from rich.progress import Progress, track
 
 from echogrid.errors import EchogridError
-from echogrid_training import nuscenes, radarscenes
-from echogrid_training.demo import demo_path, demo_scene
+from echogrid_training import campaign, demo, inspect_drive, nuscenes, radarscenes, report
 from echogrid_training.drive import check_free, write_drive
 from echogrid_training.frames import Report
+from echogrid_training.ground_truth import TruthMap
 from echogrid_training.recording import Recording, Track, untracked
 from echogrid_training.scene import drive
+from echogrid_training.style import FAMILIES
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Returns the exit status: 0, or 1 after a sentence on stderr."""
     options = _parser().parse_args(arguments)
     try:
-        check_free(options.out, options.force)
-        tracked = _with_bar if sys.stderr.isatty() else untracked
-        recording, seed = options.make(options, tracked)
-        report = write_drive(recording, options.out, fd=not options.classic, seed=seed, force=options.force, track=tracked)
+        options.command(options)
     except EchogridError as error:
         print(error, file=sys.stderr)
         return 1
     except OSError as error:
         print(f"{error.filename}: {error.strerror}", file=sys.stderr)
         return 1
-    print(summary(recording, report, options.out))
     return 0
 
 
@@ -47,32 +45,109 @@ def _parser() -> argparse.ArgumentParser:
     one = sets.add_parser("nuscenes", help="one scene: its four corner radars, with the CAN bus expansion")
     one.add_argument("source", type=Path, help="root of the official layout, a scene-XXXX.npz, or a folder of such files")
     one.add_argument("--scene", help="which scene, such as scene-0061, where SOURCE holds several")
-    one.set_defaults(make=_nuscenes)
+    one.set_defaults(command=_nuscenes)
     other = sets.add_parser("radarscenes", help="one sequence: its four radars")
     other.add_argument("source", type=Path, help="an official folder sequence_N, or a seq_N.npz")
-    other.set_defaults(make=_radarscenes)
+    other.set_defaults(command=_radarscenes)
 
-    scene = commands.add_parser("scene", help="the demonstration drive: a generated street scene of 40 s")
+    scene = commands.add_parser("scene", help="a small generated street scene of 40 s: no antenna, no materials")
     scene.add_argument("--seed", type=int, default=0, help="of the noise; the same seed makes the same bytes (default: 0)")
-    scene.set_defaults(make=_scene)
-
-    for command in (one, other, scene):
+    scene.set_defaults(command=_scene)
+    shipped = commands.add_parser("demo", help="the demonstration drive that the service ships")
+    shipped.set_defaults(command=_demo)
+    for command in (one, other, scene, shipped):
         command.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="the drive folder to write")
         command.add_argument("--classic", action="store_true", help="classic CAN radars instead of CAN FD ones")
         command.add_argument("--force", action="store_true", help="replace a drive that is there")
+
+    towns = commands.add_parser("simulate", help="drives through simulated towns, one folder each; a killed run goes on where it was")
+    place = towns.add_mutually_exclusive_group(required=True)
+    place.add_argument("--family", choices=FAMILIES, help="layout family of the towns")
+    place.add_argument("--osm", type=Path, metavar="FILE", help="an OpenStreetMap extract, .osm or .osm.pbf, instead")
+    towns.add_argument("--towns", type=_positive, required=True, metavar="N", help="how many drives")
+    towns.add_argument("--seconds", type=_seconds, default=60.0, metavar="T", help="of each drive (default: 60)")
+    towns.add_argument("--seed", type=int, default=0, metavar="S")
+    towns.add_argument("--workers", type=_positive, default=os.cpu_count() or 1, metavar="N", help="processes; the result is the same")
+    towns.add_argument("--out", type=Path, required=True, metavar="DIR")
+    towns.set_defaults(command=_simulate)
+
+    look = commands.add_parser("inspect", help="detections, lidar, truth and pose of a simulated drive: a picture and an animation")
+    look.add_argument("drive", type=Path, metavar="DRIVE")
+    look.add_argument("--out", type=Path, required=True, metavar="DIR")
+    look.set_defaults(command=_inspect)
+
+    compare = commands.add_parser("report", help="simulated drives beside recorded ones, as a table in Markdown")
+    for name, what in (("nuscenes", "folder of scene-*.npz"), ("radarscenes", "seq_N.npz"), ("astyx", ".npz"), ("kitti", ".npz")):
+        compare.add_argument(f"--{name}", type=Path, required=True, help=what)
+    compare.add_argument("--drives", type=_positive, default=24, metavar="N", help="simulated (default: 24)")
+    compare.add_argument("--seconds", type=_seconds, default=20.0, metavar="T", help="of each (default: 20)")
+    compare.add_argument("--workers", type=_positive, default=os.cpu_count() or 1, metavar="N")
+    compare.set_defaults(command=_report)
     return parser
 
 
-def _nuscenes(options: argparse.Namespace, tracked: Track) -> tuple[Recording, int]:
-    return nuscenes.load(options.source, options.scene, tracked), 0
+def _positive(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"{number} found, expected at least 1")
+    return number
 
 
-def _radarscenes(options: argparse.Namespace, _: Track) -> tuple[Recording, int]:
-    return radarscenes.load(options.source), 0
+def _seconds(text: str) -> float:
+    number = float(text)
+    if not 5.0 <= number <= 600.0:
+        raise argparse.ArgumentTypeError(f"{number:g} s found, expected 5 to 600")
+    return number
 
 
-def _scene(options: argparse.Namespace, tracked: Track) -> tuple[Recording, int]:
-    return drive(demo_scene(), demo_path(), options.seed, track=tracked), options.seed
+def _nuscenes(options: argparse.Namespace) -> None:
+    check_free(options.out, options.force)
+    _write(options, nuscenes.load(options.source, options.scene, _tracked()))
+
+
+def _radarscenes(options: argparse.Namespace) -> None:
+    check_free(options.out, options.force)
+    _write(options, radarscenes.load(options.source))
+
+
+def _scene(options: argparse.Namespace) -> None:
+    check_free(options.out, options.force)
+    _write(options, drive(demo.demo_scene(), demo.demo_path(), options.seed, track=_tracked()), seed=options.seed)
+
+
+def _demo(options: argparse.Namespace) -> None:
+    check_free(options.out, options.force)
+    _write(options, *demo.town_drive(_tracked()))
+
+
+def _write(options: argparse.Namespace, recording: Recording, truth_map: TruthMap | None = None, seed: int = 0) -> None:
+    written = write_drive(
+        recording, options.out, fd=not options.classic, seed=seed, force=options.force, truth_map=truth_map, track=_tracked()
+    )
+    print(summary(recording, written, options.out))
+
+
+def _simulate(options: argparse.Namespace) -> None:
+    plan = campaign.Campaign(options.family or "osm", options.towns, options.seconds, options.seed, options.osm and str(options.osm))
+    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
+        task = bar.add_task(f"simulating {options.towns} drives", total=options.towns)
+        made = campaign.run(plan, options.out, options.workers, lambda _: bar.advance(task))
+    print(f"{options.out}: {options.towns} drives of {options.seconds:g} s, {made} of them made now")
+
+
+def _inspect(options: argparse.Namespace) -> None:
+    for path in inspect_drive.inspect(options.drive, options.out):
+        print(path)
+
+
+def _report(options: argparse.Namespace) -> None:
+    real = report.recorded(options.nuscenes, options.radarscenes, options.astyx, options.kitti)
+    sims = report.simulated_drives(options.drives, options.seconds, options.workers, _tracked())
+    print(report.table(real, sims))
+
+
+def _tracked() -> Track:
+    return _with_bar if sys.stderr.isatty() else untracked
 
 
 def _with_bar(things: Iterable[Any], what: str) -> Iterable[Any]:

@@ -1,4 +1,4 @@
-"""The demonstration drive: down a street, a stop at the crossing, a left turn, and on along the next street."""
+"""The demonstration drives: one through a town of the test family, which the service ships, and one through a small plane scene."""
 
 from __future__ import annotations
 
@@ -8,9 +8,15 @@ import numpy as np
 
 from echogrid.core.messages import Floats
 from echogrid.core.se2 import SE2
+from echogrid_training.episode import paper_like
+from echogrid_training.ground_truth import TruthMap
+from echogrid_training.layout import make_town
 from echogrid_training.path import Leg, Path
+from echogrid_training.recording import Recording, Track, untracked
 from echogrid_training.scene import Box, Mover, Scene, pole
+from echogrid_training.simulate import simulate
 
+DEMO_TOWN, DEMO_SECONDS = 16, 75.0
 TURN_RATE, RAMP = 0.5, 0.6  # rad/s; s, in which it is reached
 CORNER = 119.0  # m, where the car's way turns from along x to along y
 HOUSES_RIGHT, HOUSES_LEFT = -6.5, 10.0  # m from the lane of the car, which keeps to the right
@@ -71,3 +77,8 @@ def _parked(rng: np.random.Generator, world_from_street: SE2, first: float, last
             lamp = world_from_street @ SE2(at + 3.0, kerb + math.copysign(1.6, kerb), 0.0)
             boxes.append(pole(lamp.x, lamp.y))
     return boxes
+
+
+def town_drive(track: Track = untracked) -> tuple[Recording, TruthMap]:
+    """The drive that the service ships: 75 s through a town of the test family, with the paper's kind of sensors."""
+    return simulate(make_town("test", DEMO_TOWN, DEMO_SECONDS), paper_like(DEMO_TOWN), track)

@@ -2,7 +2,8 @@
 
     echogrid.toml   the configuration: buses, motion, radars and their mounts
     can.log.gz      every frame, in candump's format
-    truth.npz       stamp_ns int64; x, y, yaw float64 of base (m, rad; the first pose is 0, 0, 0); walls (W, 2, 2) where they are known
+    truth.npz       stamp_ns int64; x, y, yaw float64 of base (m, rad; the first pose is 0, 0, 0); walls (W, 2, 2) where they are known;
+                    with a true map also log_odds (H, W) float32, origin (2,) and cell (m), as in ground_truth.TruthMap
 
 The same recording and seed give the same bytes.
 """
@@ -24,14 +25,22 @@ from echogrid.errors import EchogridError
 from echogrid_training.bus import BITRATE, DATA_BITRATE
 from echogrid_training.can_writer import Wiring, can_frames
 from echogrid_training.frames import Report
+from echogrid_training.ground_truth import TruthMap
 from echogrid_training.radar_writer import RadarLayout
-from echogrid_training.recording import Recording, Track, Truth, untracked
+from echogrid_training.recording import Recording, Track, untracked
 
 CONFIG, LOG, TRUTH = "echogrid.toml", "can.log.gz", "truth.npz"
 
 
 def write_drive(
-    recording: Recording, folder: Path, *, fd: bool = True, seed: int = 0, force: bool = False, track: Track = untracked
+    recording: Recording,
+    folder: Path,
+    *,
+    truth_map: TruthMap | None = None,
+    fd: bool = True,
+    seed: int = 0,
+    force: bool = False,
+    track: Track = untracked,
 ) -> Report:
     """Writes the recording's drive folder whole or not at all. With `force` it takes the place of a drive that is there already.
 
@@ -40,7 +49,7 @@ def write_drive(
     check_free(folder, force)
     messages, wirings, report = can_frames(recording, fd, seed, track)
     try:
-        _write(recording, folder, fd, messages, wirings, len(report.loads))
+        _write(recording, truth_map, folder, fd, messages, wirings, len(report.loads))
     except OSError as error:
         raise EchogridError(f"{folder}: the drive cannot be written: {error.strerror}") from error
     return report
@@ -58,7 +67,15 @@ def check_free(folder: Path, force: bool) -> None:
         raise EchogridError(f"{folder}: is not empty (it holds '{found[0]}'); give another folder, or --force to replace a drive")
 
 
-def _write(recording: Recording, folder: Path, fd: bool, messages: list[can.Message], wirings: dict[str, Wiring], buses: int) -> None:
+def _write(
+    recording: Recording,
+    truth_map: TruthMap | None,
+    folder: Path,
+    fd: bool,
+    messages: list[can.Message],
+    wirings: dict[str, Wiring],
+    buses: int,
+) -> None:
     partial = folder.parent / f".{folder.name}.partial"
     if partial.exists():  # of a run that was killed
         shutil.rmtree(partial)
@@ -66,7 +83,7 @@ def _write(recording: Recording, folder: Path, fd: bool, messages: list[can.Mess
     try:
         (partial / CONFIG).write_text(config_text(recording, fd, wirings, buses), encoding="utf-8")
         write_log(partial / LOG, messages)
-        write_truth(partial / TRUTH, recording.truth)
+        write_truth(partial / TRUTH, recording, truth_map)
         if folder.exists():
             shutil.rmtree(folder)
         partial.rename(folder)
@@ -84,11 +101,17 @@ def write_log(path: Path, messages: Iterable[can.Message]) -> None:
         writer.stop()
 
 
-def write_truth(path: Path, truth: Truth) -> None:
+def write_truth(path: Path, recording: Recording, truth_map: TruthMap | None = None) -> None:
     """`truth.npz`."""
-    arrays = {"stamp_ns": truth.stamp_ns, "x": truth.x, "y": truth.y, "yaw": truth.yaw}
+    truth, turns = recording.truth, recording.lidar
+    arrays: dict[str, np.ndarray] = {"stamp_ns": truth.stamp_ns, "x": truth.x, "y": truth.y, "yaw": truth.yaw}
     if truth.walls is not None:
         arrays["walls"] = truth.walls
+    if truth_map is not None:
+        arrays |= {"log_odds": truth_map.log_odds, "origin": np.array(truth_map.origin), "cell": np.array(truth_map.cell)}
+    if turns is not None:
+        centimetres = np.where(np.isfinite(turns.ranges), np.rint(turns.ranges * 100), 0)
+        arrays |= {"lidar_stamp_ns": turns.stamp_ns, "lidar_cm": centimetres.astype(np.uint16)}
     np.savez_compressed(path, **arrays)  # type: ignore[arg-type]  # numpy's stub takes the keywords for allow_pickle
 
 

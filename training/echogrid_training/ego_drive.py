@@ -1,10 +1,10 @@
-"""One person's drive through a network of streets: out of a parking space or on the move, through junctions, waiting, and perhaps parking again."""
+"""One person's drive through a network of streets: out of a parking space or on the move, waiting here and there, perhaps parking again."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -36,7 +36,7 @@ def drive(network: Network, seconds: float, rng: np.random.Generator, possible: 
     if not usable:
         return None
     manner = Manner(rng.uniform(1.2, 1.7), rng.uniform(1.3, 1.8), rng.uniform(1.3, 1.75))
-    for _ in range(40):
+    for _ in range(80):
         start = usable[int(rng.integers(len(usable)))]
         legs = wander(network, start, 1.1 * TYPICAL * seconds + 60.0, rng)
         if not legs:
@@ -55,10 +55,10 @@ def _drive_along(network: Network, lane: Lane, seconds: float, manner: Manner, r
     skipped = 0.0 if leaves else float(rng.choice((0.0, rng.uniform(4.0, 12.0))))
     parks = rng.random() < 0.45
     total = float(distances(lane.line)[-1])
-    pace, wanted = rng.uniform(0.8, 1.05), begin + TYPICAL * (seconds + skipped)
-    waits = [(rng.uniform(0.1, 0.9), rng.uniform(1.5, 6.0)) for _ in range(int(rng.integers(0, 3)))]
-    holds = [(stop, rng.uniform(0.6, 5.0)) for stop in lane.stops if rng.random() < 0.4]
-    slows = [stop for stop in lane.stops if rng.random() < 0.7]
+    pace, wanted = rng.uniform(0.85, 1.1), begin + TYPICAL * (seconds + skipped)
+    waits = [(rng.uniform(0.1, 0.9), rng.uniform(1.5, 6.0)) for _ in range(int(rng.integers(0, 2)))]
+    holds = [(stop, rng.uniform(0.6, 5.0)) for stop in lane.stops if rng.random() < 0.25]
+    slows = [stop for stop in lane.stops if rng.random() < 0.5]
     whole = None
     for _ in range(4):  # the end of the lane is where the time is up
         end = min(wanted, total - 3.0)
@@ -87,7 +87,13 @@ def _drive_along(network: Network, lane: Lane, seconds: float, manner: Manner, r
 
 
 def _main(
-    lane: Lane, line: Floats, begin: float, pose: SE2 | None, halts: tuple[tuple[float, float], ...], slows: list[float], pace: float,
+    lane: Lane,
+    line: Floats,
+    begin: float,
+    pose: SE2 | None,
+    halts: tuple[tuple[float, float], ...],
+    slows: list[float],
+    pace: float,
     rng: np.random.Generator,
 ) -> Run:
     """Forwards along the lane from `begin`, from a pose beside it or on it."""
@@ -97,7 +103,7 @@ def _main(
     places = begin + course.progress
     limit = pace * np.interp(places, distances(lane.line), lane.limit)
     for stop in slows:  # looks both ways
-        limit = np.where(np.abs(places - stop) < 3.0, np.minimum(limit, 3.5), limit)
+        limit = np.where(np.abs(places - stop) < 3.0, np.minimum(limit, 4.5), limit)
     held = []
     for place, wait in halts:
         reached = int(np.searchsorted(places, place))
@@ -181,10 +187,7 @@ def _ending(network: Network, lane: Lane, end: float, rng: np.random.Generator) 
     street = network.streets[leg.street]
     parking = street.side(leg.forward, right=True).parking
     plain = part(lane.line, 0.0, end)
-    walked = distances(lane.line)
-    here = walked[lane.leg == lane.leg_at(end - 14.0 if end > 14.0 else 0.0).street] if False else walked
-    straight = len(here) > 0 and lane.leg_at(max(end - 16.0, 0.0)) == leg
-    if not straight or end < 30.0:
+    if end < 30.0 or lane.leg_at(end - 16.0) != leg:  # no room to get there from the last corner
         return _Ending(plain, ())
     aside = street.width / 2 - street.lane()
     if parking is Parking.ALONG:

@@ -42,7 +42,7 @@ class RadarType:
     ambiguity: float = 0.0  # m/s, interval of the range rate; 0: none
     position_step: float = 0.0  # m, to which x and y are rounded; 0: not
     fading: float = 4.0  # dB, slow, as the aspect changes
-    rcs_offset: float = -12.0  # dB between the true and the reported cross-section
+    rcs_offset: float = -8.0  # dB between the true and the reported cross-section
     strongest_first: bool = False  # which detections are kept when there are more than the most: else the nearest
     most: int = 64  # detections in a scan
 
@@ -91,8 +91,8 @@ class Episode:
     density: float
     thinning: float = 0.0  # 0: a low density is all low power; 1: all arbitrary misses
     ghosts: float = 0.05  # share of the reflections that a wall mirrors
-    clutter: float = 0.03  # detections of nothing, as a share of the density
-    ground: float = 0.02  # the same for the ground near the car
+    clutter: float = 0.02  # detections of nothing, as a share of the density
+    ground: float = 0.003  # the same for the ground near the car
     dropped: float = 0.005  # share of scans that never come
 
 
@@ -101,9 +101,7 @@ def paper_like(seed: int = 0) -> Episode:
     body = Body(length=4.9, width=1.9, rear_overhang=1.0)
     places = ((3.7, 0.8, 45.0), (3.7, -0.8, -45.0), (-0.9, 0.8, 135.0), (-0.9, -0.8, -135.0))
     radar = RadarType()
-    mounts = [
-        RadarMount(name, SE2(x, y, math.radians(yaw)), 2 * radar.half_fov) for name, (x, y, yaw) in zip(NAMES, places, strict=True)
-    ]
+    mounts = [RadarMount(name, SE2(x, y, math.radians(yaw)), 2 * radar.half_fov) for name, (x, y, yaw) in zip(NAMES, places, strict=True)]
     corners = tuple(Corner(mount, phase) for mount, phase in zip(mounts, (0.0, 0.27, 0.55, 0.8), strict=True))
     return Episode(seed, body, radar, corners, MotionErrors(), density=24.0)  # type: ignore[arg-type]
 
@@ -112,8 +110,8 @@ def draw_episode(seed: int, family: str) -> Episode:
     """The episode of a seed in a family of towns: always the same, and another one in another family."""
     rng = np.random.default_rng((seed, zlib.crc32(family.encode())))
     body = _body(rng)
-    radar = _radar(rng)
     density = _log(rng, 2.0, 64.0)
+    radar = _radar(rng, density)
     return Episode(
         seed=seed,
         body=body,
@@ -123,8 +121,8 @@ def draw_episode(seed: int, family: str) -> Episode:
         density=density,
         thinning=float(rng.uniform()),
         ghosts=float(rng.uniform(0.02, 0.08)),
-        clutter=float(rng.uniform(0.01, 0.06)),
-        ground=float(rng.uniform(0.0, 0.03)),
+        clutter=float(rng.uniform(0.005, 0.04)),
+        ground=float(rng.uniform(0.0, 0.01)),
         dropped=_log(rng, 0.001, 0.01),
     )
 
@@ -133,30 +131,30 @@ def _body(rng: np.random.Generator) -> Body:
     return Body(*(round(float(value), 2) for value in (rng.uniform(3.9, 5.1), rng.uniform(1.7, 1.95), rng.uniform(0.75, 1.1))))
 
 
-def _radar(rng: np.random.Generator) -> RadarType:
+def _radar(rng: np.random.Generator, density: float) -> RadarType:
     half_fov = math.radians(rng.uniform(50.0, 80.0))
-    monopulse = rng.uniform() < 0.15  # a single beam: nothing but range and Doppler tells two reflections apart
+    monopulse = rng.uniform() < 0.15 and density < 20.0  # a single beam: nothing but range and Doppler tells two reflections apart
     return RadarType(
         half_fov=half_fov,
         max_range=float(rng.uniform(40.0, 80.0)),
         cycle=float(rng.uniform(0.050, 0.075)),
         jitter=0.002,
         age=float(rng.uniform(0.020, 0.060)),
-        beam=float(half_fov * rng.uniform(0.45, 0.6)),
-        range_resolution=_log(rng, 0.2, 0.75),
+        beam=float(half_fov * rng.uniform(0.4, 0.6)),
+        range_resolution=_log(rng, 0.15, 0.4) if density > 30.0 else _log(rng, 0.2, 0.75),  # many detections need fine cells
         range_rate_resolution=_log(rng, 0.08, 0.3),
-        azimuth_resolution=math.pi if monopulse else math.radians(_log(rng, 3.0, 14.0)),
+        azimuth_resolution=math.pi if monopulse else math.radians(_log(rng, 3.0, 8.0 if density > 30.0 else 14.0)),
         false_alarm=1e-4,
         range_sigma=float(rng.uniform(0.03, 0.10)),
-        azimuth_sigma=float(rng.uniform(0.7, 1.5)),
-        range_rate_sigma=float(rng.uniform(0.06, 0.16)),
+        azimuth_sigma=float(rng.uniform(0.6, 1.2)),
+        range_rate_sigma=float(rng.uniform(0.05, 0.12)),
         tails=float(rng.uniform(0.02, 0.08)),
         azimuth_outliers=float(rng.uniform(0.005, 0.02)),
         doppler_outliers=float(rng.uniform(0.05, 0.15) if rng.uniform() < 0.6 else rng.uniform(0.0, 0.05)),
         ambiguity=float(rng.uniform(10.0, 60.0)) if rng.uniform() < 0.4 else 0.0,
         position_step=0.2 if rng.uniform() < 0.2 else 0.0,
         fading=float(rng.uniform(3.0, 5.0)),
-        rcs_offset=float(rng.uniform(-18.0, -6.0)),
+        rcs_offset=float(rng.uniform(-16.0, 6.0)),  # RadarScenes' and nuScenes' sensors are 17 dB apart
         strongest_first=bool(rng.uniform() < 0.3),
     )
 
@@ -166,6 +164,7 @@ def _corners(rng: np.random.Generator, body: Body, radar: RadarType) -> tuple[Co
     rear = (-body.rear_overhang + rng.uniform(0.05, 0.5), body.width / 2 - rng.uniform(0.05, 0.3), rng.uniform(120.0, 178.0))
     faulty = int(rng.integers(4)) if rng.uniform() < 0.15 else None  # at most one radar that fails for a while
     blocked = int(rng.integers(4)) if rng.uniform() < 0.08 else None
+    bias = rng.uniform(0.0, 0.2)  # m/s, of this car's radars at most: recorded cars have 0.04 to 0.2
     corners = []
     for index, name in enumerate(NAMES):
         x, y, yaw = front if name.startswith("front") else rear
@@ -177,8 +176,8 @@ def _corners(rng: np.random.Generator, body: Body, radar: RadarType) -> tuple[Co
                 RadarMount(name, place, 2 * radar.half_fov),
                 phase=float(rng.uniform()),
                 azimuth_bias=math.radians(rng.normal(0.0, 0.5)),
-                ripple=math.radians(rng.uniform(0.0, 1.0)),
-                range_rate_bias=float(rng.uniform(-0.13, 0.13)),
+                ripple=math.radians(rng.uniform(0.0, 0.8)),
+                range_rate_bias=float(rng.uniform(-bias, bias)),
                 blockage=float(rng.uniform(0.2, 1.0)) if index == blocked else 0.0,
                 lost=(max(start, 0.0), min(start + float(rng.uniform(0.1, 1.0)), 1.0)) if index == faulty else (0.0, 0.0),
             )

@@ -29,7 +29,9 @@ class Lane:
 
 def lane_along(network: Network, legs: Sequence[Leg], aside: float | None = None) -> Lane:
     """Of a route of at least one leg. `aside` m right of the centre lines instead of each street's own lane."""
-    pieces, owners, limits = [], [], []
+    pieces: list[Floats] = []
+    owners: list[Floats] = []
+    limits: list[Floats] = []
     gives_way = []
     for place, leg in enumerate(legs):
         street = network.streets[leg.street]
@@ -65,4 +67,5 @@ def _turn(before: Floats, after: Floats) -> Floats:
     handle = 0.39 * gap  # 0.39 chords make a quarter circle
     share = np.linspace(0.0, 1.0, max(3, round(gap / 0.5) + 1))[1:-1, None]
     first, second = start + handle * came, end - handle * goes
-    return (1 - share) ** 3 * start + 3 * (1 - share) ** 2 * share * first + 3 * (1 - share) * share**2 * second + share**3 * end
+    curve: Floats = (1 - share) ** 3 * start + 3 * (1 - share) ** 2 * share * first + 3 * (1 - share) * share**2 * second + share**3 * end
+    return curve

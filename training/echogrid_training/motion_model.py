@@ -10,8 +10,6 @@ from echogrid_training.recording import EPOCH_NS, Motion
 from echogrid_training.scene import wheel_speeds
 from echogrid_training.town import Track
 
-DRIVEN = np.array((0.0, 0.0, 1.0, 1.0))  # of the wheels, rear before front: only driven and braked ones slip
-
 
 def sense_motion(ego: Track, errors: MotionErrors, rng: np.random.Generator) -> Motion:
     """What the sensors report along the ego's track, stamped EPOCH_NS later than its times."""
@@ -26,7 +24,7 @@ def wheels(ego: Track, times: Floats, errors: MotionErrors, rng: np.random.Gener
     speed, yaw_rate = np.interp(shown, ego.time, ego.speed), np.interp(shown, ego.time, ego.yaw_rate)
     true = wheel_speeds(np.abs(speed), yaw_rate * np.where(speed < 0, -1.0, 1.0)) * np.where(speed < 0, -1.0, 1.0)[:, None]
     acceleration = np.interp(shown, ego.time, np.gradient(ego.speed, ego.time)) * np.where(speed < 0, -1.0, 1.0)
-    scale = errors.wheel_scale * (1.0 + np.array(errors.wheel_uneven)) * (1.0 + errors.slip * acceleration[:, None] * DRIVEN)
+    scale = errors.wheel_scale * (1.0 + np.array(errors.wheel_uneven)) * (1.0 + errors.slip * acceleration[:, None])
     turning = np.abs(true) > max(errors.standstill, 1e-3)  # standing wheels make no noise
     noisy = true * scale + rng.normal(0.0, errors.wheel_sigma, true.shape)
     return np.where(turning, quantised(noisy, errors.wheel_step), 0.0)

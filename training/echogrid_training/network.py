@@ -126,16 +126,17 @@ class Network:
     def last_node(self, leg: Leg) -> int:
         return self.streets[leg.street].ends[1 if leg.forward else 0]
 
-    def onwards(self, leg: Leg) -> list[Leg]:
-        """Where one may go from the end of a leg: not back, and not round a corner too sharp for a car."""
+    def onwards(self, leg: Leg) -> list[tuple[Leg, float]]:
+        """Where one may go from the end of a leg, and the turn (rad) there: not back, and not round a corner too sharp for a car."""
         line = self.streets[leg.street].towards(leg.forward)
         came = math.atan2(*(line[-1] - line[max(0, len(line) - 4)])[::-1])
         ways = []
         for way in self.leaving[self.last_node(leg)]:
             onward = self.streets[way.street].towards(way.forward)
             goes = math.atan2(*(onward[min(3, len(onward) - 1)] - onward[0])[::-1])
-            if way.street != leg.street and abs(math.remainder(goes - came, math.tau)) < SHARPEST:
-                ways.append(way)
+            turn = math.remainder(goes - came, math.tau)
+            if way.street != leg.street and abs(turn) < SHARPEST:
+                ways.append((way, turn))
         return ways
 
 
@@ -162,8 +163,9 @@ def wander(network: Network, start: Leg, wanted: float, rng: np.random.Generator
 
 
 def _shuffled(network: Network, leg: Leg, driven: list[Leg], rng: np.random.Generator) -> list[Leg]:
-    """Ways on from a leg, the one to try first last: streets not driven yet before others."""
+    """Ways on from a leg, the one to try first last: streets not driven yet before others, and rather straight on than not."""
     ways = network.onwards(leg)
-    ways = [ways[index] for index in rng.permutation(len(ways))]
+    straight = [rng.random() + 0.5 * math.cos(turn) for _, turn in ways]
     seen = {old.street for old in driven} | {leg.street}
-    return sorted(ways, key=lambda way: way.street not in seen)
+    order = sorted(range(len(ways)), key=lambda index: (ways[index][0].street not in seen, straight[index]))
+    return [ways[index][0] for index in order]

@@ -67,7 +67,9 @@ def _timed(run: Run, manner: Manner, rate: float) -> tuple[Floats, Floats]:
     """Speed and place along the course at samples from just after its start to the end of its rest."""
     count = len(run.course.curvature)
     most = np.minimum(run.limit, np.sqrt(manner.corner / np.maximum(np.abs(run.course.curvature), 1e-6)))
-    halts = sorted((min(max(round(place / STEP), 1), count - 1), seconds) for place, seconds in run.halts if place < run.course.length - 1.0)
+    halts = sorted(
+        (min(max(round(place / STEP), 1), count - 1), seconds) for place, seconds in run.halts if place < run.course.length - 1.0
+    )
     halts.append((count - 1, run.rest))
     speeds, places, first = [], [], 0
     for last, seconds in halts:
@@ -98,7 +100,8 @@ def _limited(speed: Floats, most: float) -> Floats:
     """The speed per step such that v² grows by no more than 2·most·STEP from each to the next."""
     squares = speed * speed
     rise = 2 * most * STEP * np.arange(len(squares))
-    return np.sqrt(np.minimum.accumulate(squares - rise) + rise)
+    limited: Floats = np.sqrt(np.minimum.accumulate(squares - rise) + rise)
+    return limited
 
 
 def _smooth(speed: Floats, rest: float, rate: float) -> Floats:

@@ -58,6 +58,14 @@ class Truth:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class LidarTurns:
+    """Turns of a lidar, ground and overhead removed: by bearing in the truth's frame, from 0 on in equal steps, the nearest return."""
+
+    stamp_ns: Stamps  # (T,)
+    ranges: Floats  # (T, B) m, inf where nothing came back
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Recording:
     """Everything of one drive. The scans' `received_ns` is not known before they were on a bus, and is not read."""
 
@@ -67,6 +75,7 @@ class Recording:
     scans: list[RadarScan]
     motion: Motion
     truth: Truth
+    lidar: LidarTurns | None = None
 
 
 def truth_from(stamp_ns: Stamps, x: Floats, y: Floats, yaw: Floats, walls: Floats | None = None) -> Truth:

@@ -53,7 +53,8 @@ def directions(line: Floats) -> Floats:
     sides = np.diff(line, axis=0)
     sides = sides / np.maximum(np.hypot(*sides.T), 1e-9)[:, None]
     both = np.concatenate((sides[:1], sides[:-1] + sides[1:], sides[-1:]))
-    return both / np.maximum(np.hypot(*both.T), 1e-9)[:, None]
+    middles: Floats = both / np.maximum(np.hypot(*both.T), 1e-9)[:, None]
+    return middles
 
 
 def offset(line: Floats, left: float | Floats) -> Floats:
@@ -64,7 +65,8 @@ def offset(line: Floats, left: float | Floats) -> Floats:
     ahead = np.concatenate((sides, sides[-1:]))
     mitre = 1.0 / np.maximum((middle * ahead).sum(axis=1), 0.7)
     normals = np.stack((-middle[:, 1], middle[:, 0]), axis=-1)
-    return line + normals * (mitre * left)[:, None]
+    moved: Floats = line + normals * (mitre * left)[:, None]
+    return moved
 
 
 def smooth(line: Floats, reach: float, step: float = 0.5) -> Floats:

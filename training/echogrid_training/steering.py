@@ -30,8 +30,10 @@ class Course:
         return STEP * (len(self.curvature) - 1)
 
 
-def follow(start: SE2, line: Floats, reverse: bool = False, lookahead: float = 3.5, agility: float = 0.07) -> Course:
-    """Pure pursuit of a line (N, 2) m to its end by base; `agility` is the fastest change of curvature per m.
+def follow(
+    start: SE2, line: Floats, reverse: bool = False, lookahead: float = 3.5, agility: float = 0.07, tightest: float = TIGHTEST
+) -> Course:
+    """Pure pursuit of a line (N, 2) m to its end by base; `agility` is the fastest change of curvature per m, `tightest` the largest, 1/m.
 
     The wheels may be turned before the car starts, so the curvature begins with any value.
     """
@@ -42,14 +44,15 @@ def follow(start: SE2, line: Floats, reverse: bool = False, lookahead: float = 3
     points = np.concatenate((fine, beyond)).tolist()
     x, y, yaw = start.x, start.y, start.yaw + (math.pi if reverse else 0.0)  # of the motion: reversing is driving the other way round
     target, last, turn = 0, len(points) - 1, math.nan
-    curvature, progress = [], []
+    curvature: list[float] = []
+    progress: list[float] = []
     most = 3 * len(points)
     while target < last and len(curvature) < most:
         while target < last and math.hypot(points[target][0] - x, points[target][1] - y) < lookahead:
             target += 1
         dx, dy = points[target][0] - x, points[target][1] - y
         wanted = 2.0 * (math.cos(yaw) * dy - math.sin(yaw) * dx) / max(dx * dx + dy * dy, 1e-6)
-        wanted = min(max(wanted, -TIGHTEST), TIGHTEST)
+        wanted = min(max(wanted, -tightest), tightest)
         change = agility * STEP
         before = wanted if math.isnan(turn) else turn
         turn = min(max(wanted, before - change), before + change)

@@ -151,10 +151,8 @@ class Traffic:
 
     def __init__(self, movers: Sequence[Mover], times: Floats) -> None:
         tracks = [poses_at(mover.track, times) for mover in movers]
-        shape = (len(movers), len(times))
-        self.there = np.array(
-            [(mover.track.time[0] <= times) & (times <= mover.track.time[-1]) for mover in movers], dtype=bool
-        ).reshape(shape)
+        there = [(mover.track.time[0] <= times) & (times <= mover.track.time[-1]) for mover in movers]
+        self.there = np.array(there, dtype=bool).reshape(len(movers), len(times))
         columns = ("x", "y", "yaw", "speed", "yaw_rate")
         self.states = np.array([[getattr(track, column) for column in columns] for track in tracks]).reshape(len(movers), 5, len(times))
         self.size = np.array([(mover.length, mover.width) for mover in movers]).reshape(-1, 2)

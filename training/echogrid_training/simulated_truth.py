@@ -1,0 +1,50 @@
+"""The truth of a simulated drive as its folder holds it: poses, the true map, and some turns of the lidar."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from echogrid.core.messages import Floats
+from echogrid.core.se2 import SE2
+from echogrid_training.ground_truth import TruthMap
+from echogrid_training.recording import LidarTurns, Stamps
+from echogrid_training.sources import load_npz
+
+KEYS = ("stamp_ns", "x", "y", "yaw", "log_odds", "origin", "cell", "lidar_stamp_ns", "lidar_cm")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SimulatedTruth:
+    """Everything in the frame of the drive's first pose."""
+
+    stamp_ns: Stamps  # (N,)
+    poses: Floats  # (N, 3) x, y (m) and yaw (rad) of base
+    map: TruthMap
+    lidar: LidarTurns
+
+    def pose(self, stamp_ns: int) -> SE2 | None:
+        """Of base at a time; None outside the drive."""
+        if not self.stamp_ns[0] <= stamp_ns <= self.stamp_ns[-1]:
+            return None
+        seconds = (self.stamp_ns - self.stamp_ns[0]) * 1e-9
+        return SE2(*(float(np.interp((stamp_ns - self.stamp_ns[0]) * 1e-9, seconds, column)) for column in self.poses.T))
+
+    def lidar_at(self, stamp_ns: int) -> Floats:
+        """(B,) m: the nearest turn in time."""
+        nearest: Floats = self.lidar.ranges[np.abs(self.lidar.stamp_ns - stamp_ns).argmin()]
+        return nearest
+
+
+def load_simulated_truth(path: Path) -> SimulatedTruth:
+    """Raises EchogridError for a file without a true map."""
+    arrays = load_npz(path, KEYS)
+    ranges = np.where(arrays["lidar_cm"] > 0, arrays["lidar_cm"] / 100.0, np.inf)
+    return SimulatedTruth(
+        arrays["stamp_ns"],
+        np.stack([arrays[key] for key in ("x", "y", "yaw")], axis=1),
+        TruthMap(arrays["log_odds"], (float(arrays["origin"][0]), float(arrays["origin"][1])), float(arrays["cell"])),
+        LidarTurns(arrays["lidar_stamp_ns"], ranges),
+    )
