@@ -25,7 +25,7 @@ lint: .venv/.develop
 
 # Draws the demo drive anew; the same seed gives the same bytes.
 demo-drive: .venv/.develop
-	$(BIN)/echogrid-train scene --out service/echogrid/demo_drive --force
+	$(BIN)/echogrid-train demo --out service/echogrid/demo_drive --force
 
 .venv/.python:
 	@echo "== a virtual environment in .venv"

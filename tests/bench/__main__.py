@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import statistics
+import tempfile
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -30,6 +31,8 @@ from echogrid.io.profile import find, load_radar
 from echogrid.io.radar import RadarReader
 from echogrid.io.signals import bus_of
 from echogrid.pipeline import Pipeline
+from echogrid_training import campaign
+from echogrid_training.samples import samples
 from tests.frames import frame, radar_cycle
 
 ROOT = Path(__file__).parent.parent.parent
@@ -115,9 +118,27 @@ def stages() -> dict[str, float]:
     return {stage: seconds / updates * 1e6 for stage, seconds in spent.items()}
 
 
+def simulating() -> dict[str, float]:
+    """A drive of the train family from nothing to samples, on one core: simulated, written as CAN frames, and read back by the service."""
+    seconds, spent = 20.0, {}
+    with tempfile.TemporaryDirectory() as folder:
+        start = time.perf_counter()
+        campaign.run(campaign.Campaign("train", 1, seconds, seed=1), Path(folder), 1, lambda _: None)
+        spent["simulate and write"] = time.perf_counter() - start
+        start = time.perf_counter()
+        found = sum(1 for _ in samples(Path(folder) / "train-00000", spacing=0.0))
+        spent["samples, one a map update"] = time.perf_counter() - start
+    total = sum(spent.values())
+    return {
+        "seconds of work per simulated second": spent["simulate and write"] / seconds,
+        "samples per second and core": found / total,
+        "minutes for 20,000 samples on 2 cores": 20_000 / (found / total) / 2 / 60,
+    }
+
+
 def main() -> None:
-    """Both tables."""
-    decoders, parts = decoding(), stages()
+    """All tables."""
+    decoders, parts, simulation = decoding(), stages(), simulating()
     reference = decoders["ours, batch"]
     print("decoding one 64-frame cycle")
     for name, value in decoders.items():
@@ -126,9 +147,12 @@ def main() -> None:
     for name, value in parts.items():
         print(f"  {name:<56}{value:9.1f} us")
     print(f"  {'sum':<56}{sum(parts.values()):9.1f} us")
+    print("simulating")
+    for name, value in simulation.items():
+        print(f"  {name:<56}{value:9.2f}")
     out = ROOT / "out"
     out.mkdir(exist_ok=True)
-    (out / "bench.json").write_text(json.dumps({"decode_us": decoders, "update_us": parts}, indent=2) + "\n")
+    (out / "bench.json").write_text(json.dumps({"decode_us": decoders, "update_us": parts, "simulate": simulation}, indent=2) + "\n")
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from echogrid.core.messages import RadarScan
 from echogrid.core.mount import Mount
 from echogrid.core.se2 import SE2
+from echogrid.errors import EchogridError
 from echogrid_training import realism, report
 from echogrid_training.recording import Truth
 
@@ -56,3 +58,15 @@ def test_the_table_says_what_lies_outside() -> None:
     line = next(line for line in text.splitlines() if "robust sigma" in line)
     assert line.endswith("| 0.120 (A), 0.300 (B) | 0.080 … 0.115 … 0.150 | not B |")
     assert all(line.endswith("| yes |") for line in text.splitlines()[2:] if "robust sigma" not in line)
+
+
+def test_the_table_goes_between_the_marks_of_a_document(tmp_path: Path) -> None:
+    document = tmp_path / "simulator.md"
+    document.write_text(f"before\n{report.BEGIN}\nold\n{report.END}\nafter\n")
+    report.put_into(document, "new")
+    assert document.read_text() == f"before\n{report.BEGIN}\nnew\n{report.END}\nafter\n"
+    document.write_text("no marks")
+    with pytest.raises(EchogridError, match="has no place for the table"):
+        report.put_into(document, "new")
+    with pytest.raises(EchogridError, match="cannot be read"):
+        report.put_into(tmp_path / "none.md", "new")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -45,22 +45,32 @@ def run(campaign: Campaign, out: Path, workers: int, on_done: Callable[[str], No
 
     Raises EchogridError where the folder holds another campaign, or a drive cannot be written: what was finished stays usable.
     """
-    _claim(campaign, out)
+    _compare(campaign, out)
     missing = [index for index in range(campaign.towns) if not (out / campaign.name(index)).is_dir()]
     if workers <= 1:
-        for index in missing:
-            on_done(make(campaign, index, out))
-        return len(missing)
+        names = (make(campaign, index, out) for index in missing)
+        return _count(names, campaign, out, on_done)
     # Spawned, not forked: a fork of a process with threads may never come up.
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
         pending = [pool.submit(make, campaign, index, out) for index in missing]
         try:
-            for done in as_completed(pending):
-                on_done(done.result())
+            return _count((done.result() for done in as_completed(pending)), campaign, out, on_done)
         except BaseException:
             pool.shutdown(wait=True, cancel_futures=True)
             raise
-    return len(missing)
+
+
+def _count(names: Iterable[str], campaign: Campaign, out: Path, on_done: Callable[[str], None]) -> int:
+    """Notes the campaign in its folder when the first drive is there: one that never came to a drive leaves no trace."""
+    count = 0
+    for name in names:
+        count += 1
+        try:
+            (out / PLAN).write_bytes(msgspec.json.encode(asdict(campaign)))
+        except OSError as error:
+            raise EchogridError(f"{out / PLAN}: cannot be written: {error.strerror}") from error
+        on_done(name)
+    return count
 
 
 def make(campaign: Campaign, index: int, out: Path) -> str:
@@ -77,21 +87,20 @@ def make(campaign: Campaign, index: int, out: Path) -> str:
     return folder.name
 
 
-def _claim(campaign: Campaign, out: Path) -> None:
-    """Notes the campaign in the folder, or compares it with the one that is noted there: only `towns` may differ."""
+def _compare(campaign: Campaign, out: Path) -> None:
+    """Raises EchogridError where the folder holds another campaign: only the number of towns may differ."""
     plan = out / PLAN
     try:
-        out.mkdir(parents=True, exist_ok=True)
-        if plan.exists():
-            noted = msgspec.json.decode(plan.read_bytes(), type=Campaign)
-            for key in ("family", "seconds", "seed", "osm"):
-                if getattr(noted, key) != getattr(campaign, key):
-                    raise EchogridError(
-                        f"{plan}: the folder holds a campaign with {key} {getattr(noted, key)}, expected {getattr(campaign, key)}: "
-                        "give another folder"
-                    )
-        plan.write_bytes(msgspec.json.encode(asdict(campaign)))
+        noted = msgspec.json.decode(plan.read_bytes(), type=Campaign)
+    except FileNotFoundError:
+        return
     except OSError as error:
-        raise EchogridError(f"{out}: cannot be written: {error.strerror}") from error
+        raise EchogridError(f"{plan}: cannot be read: {error.strerror}") from error
     except msgspec.DecodeError as error:
         raise EchogridError(f"{plan}: does not note a campaign: {error}") from error
+    for key in ("family", "seconds", "seed", "osm"):
+        if getattr(noted, key) != getattr(campaign, key):
+            raise EchogridError(
+                f"{plan}: the folder holds a campaign with {key} {getattr(noted, key)}, expected {getattr(campaign, key)}: "
+                "give another folder"
+            )

@@ -82,6 +82,7 @@ def _parser() -> argparse.ArgumentParser:
     compare.add_argument("--drives", type=_positive, default=24, metavar="N", help="simulated (default: 24)")
     compare.add_argument("--seconds", type=_seconds, default=20.0, metavar="T", help="of each (default: 20)")
     compare.add_argument("--workers", type=_positive, default=os.cpu_count() or 1, metavar="N")
+    compare.add_argument("--into", type=Path, metavar="FILE", help="put the table into a document, between its marks")
     compare.set_defaults(command=_report)
     return parser
 
@@ -143,7 +144,11 @@ def _inspect(options: argparse.Namespace) -> None:
 def _report(options: argparse.Namespace) -> None:
     real = report.recorded(options.nuscenes, options.radarscenes, options.astyx, options.kitti)
     sims = report.simulated_drives(options.drives, options.seconds, options.workers, _tracked())
-    print(report.table(real, sims))
+    table = report.table(real, sims)
+    if options.into is None:
+        print(table)
+    else:
+        report.put_into(options.into, table)
 
 
 def _tracked() -> Track:

@@ -154,7 +154,7 @@ def _radar(rng: np.random.Generator, density: float) -> RadarType:
         ambiguity=float(rng.uniform(10.0, 60.0)) if rng.uniform() < 0.4 else 0.0,
         position_step=0.2 if rng.uniform() < 0.2 else 0.0,
         fading=float(rng.uniform(3.0, 5.0)),
-        rcs_offset=float(rng.uniform(-16.0, 6.0)),  # RadarScenes' and nuScenes' sensors are 17 dB apart
+        rcs_offset=float(rng.uniform(-16.0, 9.0)),  # RadarScenes' and nuScenes' sensors are 17 dB apart
         strongest_first=bool(rng.uniform() < 0.3),
     )
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from echogrid.core.messages import Floats
 from echogrid.core.se2 import SE2
+from echogrid.errors import EchogridError
 from echogrid_training import nuscenes, radarscenes
 from echogrid_training.episode import NEAR, draw_episode
 from echogrid_training.layout import make_town
@@ -22,6 +23,8 @@ from echogrid_training.recording import EPOCH_NS, Recording, Track
 from echogrid_training.simulate import LidarView, from_first_pose, simulate
 from echogrid_training.town import Town
 from echogrid_training.visibility import poses_at
+
+BEGIN, END = "<!-- table -->", "<!-- end of table -->"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,6 +140,19 @@ def table(real: Mapping[str, Drive], sims: Sequence[Drive]) -> str:
         span = " … ".join(form.format(value) for value in (low, middle, high))
         lines.append(f"| {name} | {shown} | {span} | {'yes' if not outside else 'not ' + ', '.join(outside)} |")
     return "\n".join(lines)
+
+
+def put_into(document: Path, text: str) -> None:
+    """Replaces what stands between the document's marks. Raises EchogridError where it has none."""
+    try:
+        old = document.read_text(encoding="utf-8")
+    except OSError as error:
+        raise EchogridError(f"{document}: cannot be read: {error.strerror}") from error
+    before, begin, rest = old.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not begin or not end:
+        raise EchogridError(f"{document}: has no place for the table, expected the marks {BEGIN} and {END}")
+    document.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}", encoding="utf-8")
 
 
 def _at(field: str, index: int) -> Callable[[Drive], float | None]:
