@@ -179,7 +179,7 @@ def _corners(rng: np.random.Generator, body: Body, radar: RadarType) -> tuple[Co
                 ripple=math.radians(rng.uniform(0.0, 0.8)),
                 range_rate_bias=float(rng.uniform(-bias, bias)),
                 blockage=float(rng.uniform(0.2, 1.0)) if index == blocked else 0.0,
-                lost=(max(start, 0.0), min(start + float(rng.uniform(0.1, 1.0)), 1.0)) if index == faulty else (0.0, 0.0),
+                lost=(max(start, 0.0), min(max(start + float(rng.uniform(0.1, 1.0)), 0.0), 1.0)) if index == faulty else (0.0, 0.0),
             )
         )
     return tuple(corners)  # type: ignore[return-value]
