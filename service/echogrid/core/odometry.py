@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from echogrid.core.messages import EgoMotion, Speed, YawRate
 from echogrid.core.se2 import IDENTITY, SE2, arc
+from echogrid.core.yaw_bias import YawBias
 
 NS = 1e-9
 STANDSTILL = 0.02  # m/s: below, the wheels stand still and the yaw rate is only bias and noise
@@ -29,7 +30,8 @@ class EgoState:
 class Odometry:
     """Remembers the newest speed and yaw rate, and the states of the last `history` seconds.
 
-    Each sample ends an arc on which speed and yaw rate have the mean of their values at its ends. Before both were seen once there is
+    Each sample ends an arc on which speed and yaw rate have the mean of their values at its ends. While the wheels stand, yaw is frozen
+    and the yaw rate's bias is learnt. Before both were seen once there is
     no pose. A silence longer than `max_gap` is not bridged: the pose stays where it was, and `gaps` counts it.
     """
 
@@ -42,6 +44,7 @@ class Odometry:
         self.states: list[EgoState] = []
         self.distance = 0.0  # m, travelled, forward and backward alike
         self.gaps = 0
+        self.yaw_bias = YawBias()
 
     def add(self, motion: EgoMotion) -> bool:
         """Moves to the sample's time. False, and nothing changes, where the sample is not newer than the last of its kind.
@@ -55,8 +58,10 @@ class Odometry:
             self.speed = motion
         else:
             self.yaw_rate = motion
+            standing = self.speed is not None and abs(self.speed.speed) < STANDSTILL
+            self.yaw_bias.add(motion.stamp_ns, motion.yaw_rate, standing=standing)
         if self.speed is not None and self.yaw_rate is not None:
-            self._move(motion.stamp_ns, self.speed.speed, self.yaw_rate.yaw_rate)
+            self._move(motion.stamp_ns, self.speed.speed, self.yaw_rate.yaw_rate - self.yaw_bias.bias)
         return True
 
     def at(self, stamp_ns: int) -> EgoState | None:
