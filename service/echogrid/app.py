@@ -84,7 +84,7 @@ class Service:
         """What goes out as status: the state of the map and all counters."""
         silence = None if self.updated_at is None else time.monotonic() - self.updated_at
         state = "waiting" if silence is None else "ok" if silence < STALE_AFTER else "stale"
-        return {"state": state, "dropped_frames": self.queue.dropped, **asdict(self.pipeline.health)}
+        return {"state": state, "model": self.config.model, "dropped_frames": self.queue.dropped, **asdict(self.pipeline.health)}
 
     def _map(self) -> None:
         period_ns = round(1e9 / self.config.publish.rate_hz)
@@ -154,9 +154,9 @@ class _Outbox:
             return newest
 
 
-def run(config_path: Path) -> None:
+def run(config_path: Path, model: str | None = None) -> None:
     """`echogrid run`: until SIGTERM or SIGINT. Raises EchogridError."""
-    service = Service(Pipeline(load_config(config_path), config_path))
+    service = Service(Pipeline(load_config(config_path, model), config_path))
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: service.stop.set())
     service.run()

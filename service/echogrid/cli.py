@@ -54,13 +54,15 @@ def _parser() -> argparse.ArgumentParser:
     demo = commands.add_parser("demo", help="the shipped drive: over a CAN bus, through the service, over Zenoh, to a subscriber")
     demo.add_argument("--out", type=Path, default=Path("out/demo"))
     demo.set_defaults(command=_demo)
+    for command in (run, replay, demo):
+        command.add_argument("--model", help="analytic, or the path of an .onnx file; default: as the configuration says")
     return parser
 
 
 def _run(arguments: argparse.Namespace) -> None:
     from echogrid.app import run  # Zenoh is loaded only where it is used
 
-    run(arguments.config)
+    run(arguments.config, arguments.model)
 
 
 def _replay(arguments: argparse.Namespace) -> None:
@@ -69,7 +71,7 @@ def _replay(arguments: argparse.Namespace) -> None:
 
     drive = find_drive(arguments.drive, arguments.config)
     with _progress(f"replay {arguments.drive.name}") as advance:
-        summary = replay(drive, arguments.out, realtime=arguments.realtime, on_progress=advance)
+        summary = replay(drive, arguments.out, realtime=arguments.realtime, model=arguments.model, on_progress=advance)
     _report(summary, arguments.out)
 
 
@@ -96,7 +98,7 @@ def _demo(arguments: argparse.Namespace) -> None:
     from echogrid.io.picture import text
 
     with _progress("the demo drive, through the service") as advance:
-        summary = demo(arguments.out, advance)
+        summary = demo(arguments.out, arguments.model, advance)
     if sys.stdout.isatty():
         with np.load(arguments.out / "map.npz") as file:
             print(text(file["log_odds"], columns=100))

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 from msgspec import Meta
 
 from echogrid.core.inverse_sensor_model import BeamModel
@@ -127,6 +128,7 @@ class Config(Table, frozen=True):
     motion: Motion
     radar: tuple[Radar, ...] = ()
     vehicle: Name = "car"
+    model: Annotated[str, Meta(pattern=r"^analytic$|\.onnx$")] = "analytic"  # or the path of an .onnx file
     body: Body = Body()
     grid: Grid = Grid()
     gate: Gate = Gate()
@@ -135,9 +137,14 @@ class Config(Table, frozen=True):
     publish: Publish = Publish()
 
 
-def load_config(path: Path) -> Config:
-    """Reads and checks a configuration file. Raises EchogridError with one sentence that names the file and the key."""
+def load_config(path: Path, model: str | None = None) -> Config:
+    """Reads and checks a configuration file; `model` stands in for its own, from the working folder.
+
+    Raises EchogridError with one sentence that names the file and the key.
+    """
     config = load(path, Config)
+    if model is not None:
+        config = msgspec.structs.replace(config, model=model if model == "analytic" else str(Path(model).resolve()))
     problem = next(_problems(config), None)
     if problem is not None:
         raise EchogridError(f"{path}: {problem}")

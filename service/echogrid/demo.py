@@ -35,10 +35,10 @@ AHEAD_FRAMES = 512  # the player waits when the service is so far behind: nothin
 PATIENCE = 20.0  # s
 
 
-def demo(out: Path, on_progress: Callable[[float], None] | None = None) -> dict[str, Any]:
+def demo(out: Path, model: str | None = None, on_progress: Callable[[float], None] | None = None) -> dict[str, Any]:
     """Plays the shipped drive as fast as the service maps it; files and summary as in `replay`, and the subscriber's received.png."""
     drive = find_drive(Path(str(files("echogrid") / "demo_drive")), None)
-    config = _on_virtual_buses(load_config(drive.config))
+    config = _on_virtual_buses(load_config(drive.config, model))
     pipeline = Pipeline(config, drive.config)
     recorder = Recorder(pipeline)
     service = Service(pipeline, recorder.add)

@@ -9,9 +9,10 @@ import can
 from echogrid.config import Config
 from echogrid.core.health import Health
 from echogrid.core.inverse_sensor_model import AnalyticSensorModel
-from echogrid.core.mapper import Mapper, MapUpdate
+from echogrid.core.mapper import InverseSensorModel, Mapper, MapUpdate
 from echogrid.core.messages import RadarScan
 from echogrid.core.occupancy import OccupancyMap
+from echogrid.errors import EchogridError
 from echogrid.io.signals import SignalReader
 
 
@@ -27,7 +28,7 @@ class Pipeline:
         spec = config.grid.spec()
         self.mapper = Mapper(
             mounts=mounts,
-            infer=AnalyticSensorModel(spec, tuple(mounts.values()), config.sensor_model.beam()),
+            infer=sensor_model(config, source),
             occupancy=OccupancyMap(spec, config.map.clamp, config.map.max_tiles),
             health=self.health,
             noise=config.gate.noise(),
@@ -45,3 +46,16 @@ class Pipeline:
         if self.signals.newest_ns is None:
             return None
         return self.mapper.update(self.signals.newest_ns)
+
+
+def sensor_model(config: Config, source: Path) -> InverseSensorModel:
+    """The inverse sensor model that the configuration names. Raises EchogridError where a model file is not sound."""
+    spec = config.grid.spec()
+    if config.model == "analytic":
+        return AnalyticSensorModel(spec, tuple(radar.mount() for radar in config.radar), config.sensor_model.beam())
+    from echogrid.io.model import OnnxSensorModel  # onnxruntime is loaded only where a network runs
+
+    try:
+        return OnnxSensorModel(source.parent / config.model, spec)
+    except EchogridError as error:
+        raise EchogridError(f"{source}: model: {error}") from error

@@ -64,6 +64,7 @@ class Recorder:
         health = self.pipeline.health
         cycle_ms = np.array(self.cycle_s or [0.0]) * 1e3
         summary: dict[str, Any] = {
+            "model": self.pipeline.config.model,
             "drive_s": round(self.last_s - (self.first_s or 0.0), 3),
             "wall_s": round(time.perf_counter() - self.started, 3),
             "frames": health.frames,
@@ -112,6 +113,7 @@ def replay(
     out: Path,
     *,
     realtime: bool = False,
+    model: str | None = None,
     on_progress: Callable[[float], None] | None = None,
     on_update: Listener | None = None,
 ) -> dict[str, Any]:
@@ -120,7 +122,7 @@ def replay(
     A torn recording is mapped up to where it tears; what was read is written, then EchogridError is raised. A recording with no id
     that the configuration knows is refused with an EchogridError, and nothing is written.
     """
-    config = load_config(drive.config)
+    config = load_config(drive.config, model)
     pipeline = Pipeline(config, drive.config)
     truth = load_truth(drive.truth)
     log = Log(drive.log)

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import Progress, track
 
 from echogrid.errors import EchogridError
-from echogrid_training import campaign, demo, inspect_drive, nuscenes, radarscenes, report
+from echogrid_training import campaign, demo, fit, inspect_drive, nuscenes, radarscenes, report
 from echogrid_training.drive import check_free, write_drive
 from echogrid_training.frames import Report
 from echogrid_training.ground_truth import TruthMap
@@ -75,6 +75,10 @@ def _parser() -> argparse.ArgumentParser:
     look.add_argument("drive", type=Path, metavar="DRIVE")
     look.add_argument("--out", type=Path, required=True, metavar="DIR")
     look.set_defaults(command=_inspect)
+
+    learn = commands.add_parser("fit", help="train the paper's autoencoder on simulated drives, and write it as ONNX")
+    fit.add_arguments(learn)
+    learn.set_defaults(command=_fit)
 
     compare = commands.add_parser("report", help="simulated drives beside recorded ones, as a table in Markdown")
     for name, what in (("nuscenes", "folder of scene-*.npz"), ("radarscenes", "seq_N.npz"), ("astyx", ".npz"), ("kitti", ".npz")):
@@ -139,6 +143,10 @@ def _simulate(options: argparse.Namespace) -> None:
 def _inspect(options: argparse.Namespace) -> None:
     for path in inspect_drive.inspect(options.drive, options.out):
         print(path)
+
+
+def _fit(options: argparse.Namespace) -> None:
+    print(fit.run(options, _tracked()))
 
 
 def _report(options: argparse.Namespace) -> None:
