@@ -24,7 +24,6 @@ from echogrid.io.signals import bus_of
 from echogrid.pipeline import Pipeline
 
 TRAJECTORY_STEP_NS = 20_000_000
-Listener = Callable[[MapUpdate, Pipeline], None]
 
 
 @dataclass(slots=True)
@@ -115,7 +114,6 @@ def replay(
     realtime: bool = False,
     model: str | None = None,
     on_progress: Callable[[float], None] | None = None,
-    on_update: Listener | None = None,
 ) -> dict[str, Any]:
     """Runs a recording through the chain and writes its files into `out`; returns the summary.
 
@@ -128,17 +126,15 @@ def replay(
     log = Log(drive.log)
     recorder = Recorder(pipeline)
     torn: EchogridError | None = None
-    others: dict[int, int] = {}
+    found: set[int] = set()  # ids, for the sentence about a log of another car
     try:
         for message in log:
             bus = bus_of(message, config.bus)
             if realtime:
                 _wait(message.timestamp, recorder)
-            update = recorder.add(bus or "", message)
-            if update is not None and on_update is not None:
-                on_update(update, pipeline)
-            if len(others) < 8 and pipeline.health.unknown_frames:
-                others[message.arbitration_id] = 1
+            recorder.add(bus or "", message)
+            if len(found) < 8:
+                found.add(message.arbitration_id)
             if on_progress is not None and log.messages % 256 == 0:
                 on_progress(log.progress)
     except EchogridError as error:
@@ -146,7 +142,7 @@ def replay(
             raise
         torn = error
     if pipeline.health.unknown_frames == pipeline.health.frames - pipeline.health.bad_frames:
-        raise torn or EchogridError(_nothing_known(drive, pipeline, others))
+        raise torn or EchogridError(_nothing_known(drive, pipeline, found))
     summary = recorder.write(out, truth)
     if torn is not None:
         raise EchogridError(f"{torn}; the map up to there is in {out}")
@@ -160,9 +156,9 @@ def _wait(timestamp: float, recorder: Recorder) -> None:
             time.sleep(ahead)
 
 
-def _nothing_known(drive: Drive, pipeline: Pipeline, others: dict[int, int]) -> str:
+def _nothing_known(drive: Drive, pipeline: Pipeline, found: set[int]) -> str:
     expected = sorted({f"0x{frame_id:X}" for _, (frame_id, _) in pipeline.signals.readers})
     return (
         f"{drive.log}: none of its {pipeline.health.frames} frames is one that {drive.config} knows: found ids "
-        f"{', '.join(f'0x{frame_id:X}' for frame_id in sorted(others))} …, expected {', '.join(expected[:8])} …"
+        f"{', '.join(f'0x{frame_id:X}' for frame_id in sorted(found))} …, expected {', '.join(expected[:8])} …"
     )

@@ -64,10 +64,10 @@ def _parser() -> argparse.ArgumentParser:
     place = towns.add_mutually_exclusive_group(required=True)
     place.add_argument("--family", choices=FAMILIES, help="layout family of the towns")
     place.add_argument("--osm", type=Path, metavar="FILE", help="an OpenStreetMap extract, .osm or .osm.pbf, instead")
-    towns.add_argument("--towns", type=_positive, required=True, metavar="N", help="how many drives")
+    towns.add_argument("--towns", type=fit.positive, required=True, metavar="N", help="how many drives")
     towns.add_argument("--seconds", type=_seconds, default=60.0, metavar="T", help="of each drive (default: 60)")
     towns.add_argument("--seed", type=int, default=0, metavar="S")
-    towns.add_argument("--workers", type=_positive, default=os.cpu_count() or 1, metavar="N", help="processes; the result is the same")
+    towns.add_argument("--workers", type=fit.positive, default=os.cpu_count() or 1, metavar="N", help="processes; the result is the same")
     towns.add_argument("--out", type=Path, required=True, metavar="DIR")
     towns.set_defaults(command=_simulate)
 
@@ -83,19 +83,12 @@ def _parser() -> argparse.ArgumentParser:
     compare = commands.add_parser("report", help="simulated drives beside recorded ones, as a table in Markdown")
     for name, what in (("nuscenes", "folder of scene-*.npz"), ("radarscenes", "seq_N.npz"), ("astyx", ".npz"), ("kitti", ".npz")):
         compare.add_argument(f"--{name}", type=Path, required=True, help=what)
-    compare.add_argument("--drives", type=_positive, default=24, metavar="N", help="simulated (default: 24)")
+    compare.add_argument("--drives", type=fit.positive, default=24, metavar="N", help="simulated (default: 24)")
     compare.add_argument("--seconds", type=_seconds, default=20.0, metavar="T", help="of each (default: 20)")
-    compare.add_argument("--workers", type=_positive, default=os.cpu_count() or 1, metavar="N")
+    compare.add_argument("--workers", type=fit.positive, default=os.cpu_count() or 1, metavar="N")
     compare.add_argument("--into", type=Path, metavar="FILE", help="put the table into a document, between its marks")
     compare.set_defaults(command=_report)
     return parser
-
-
-def _positive(text: str) -> int:
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"{number} found, expected at least 1")
-    return number
 
 
 def _seconds(text: str) -> float:

@@ -25,6 +25,7 @@ from echogrid_training.train import Trained
 
 OPSET = 18
 INPUT, OUTPUT = "image", "log_odds"  # (1, 1, 128, 128) in [-1, 1] and (1, 128, 128)
+REGISTRY = "torch.onnx._internal.exporter._registration"  # warns of every operator of torchvision that is not there
 PARITY = 1e-4  # log-odds between PyTorch and ONNX Runtime; what is seen is 1e-5
 
 
@@ -119,11 +120,11 @@ def export(trained: Trained, path: Path) -> Path:
 def traced(model: PaperAutoencoder) -> onnx.ModelProto:
     """The network as a graph of static shape, traced with an empty image."""
     empty = probe(0, 0)
-    logging.getLogger("torch.onnx").setLevel(logging.WARNING)
+    logging.getLogger(REGISTRY).setLevel(logging.ERROR)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the exporter's of its own insides
+        warnings.filterwarnings("ignore", r"`isinstance\(treespec, LeafSpec\)` is deprecated", FutureWarning)  # of PyTorch's own insides
         program = torch.onnx.export(
-            Exported(model), (empty,), input_names=[INPUT], output_names=[OUTPUT], opset_version=OPSET, dynamo=True, verbose=False
+            Exported(model).eval(), (empty,), input_names=[INPUT], output_names=[OUTPUT], opset_version=OPSET, dynamo=True, verbose=False
         )
     assert program is not None
     proto: onnx.ModelProto = program.model_proto

@@ -17,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--test", type=Path, metavar="DIR", help="simulated drives of other towns, to report errors on")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="for log.jsonl, checkpoint.pt, model.pt and model.onnx")
     parser.add_argument("--weighting", choices=("independent", "inverse"), default="independent", help="of classes (default: independent)")
-    parser.add_argument("--epochs", type=_epochs, metavar="N", help="(default: 30, or 8 short ones with --small)")
+    parser.add_argument("--epochs", type=positive, metavar="N", help="(default: 30, or 8 short ones with --small)")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of first weights, order and augmentation (default: 0)")
     parser.add_argument("--small", action="store_true", help="half the width and few samples: minutes on two cores")
     parser.add_argument("--resume", action="store_true", help="go on with the run in --out where it was interrupted")
@@ -58,7 +58,8 @@ def _row(name: str, drives: int, samples: int, figures: dict[str, dict[str, floa
     return f"| {name}: {drives} | {samples} | " + " | ".join("–" if math.isnan(value) else f"{value:.3f}" for value in values) + " |"
 
 
-def _epochs(text: str) -> int:
+def positive(text: str) -> int:
+    """An argument that counts something."""
     number = int(text)
     if number < 1:
         raise argparse.ArgumentTypeError(f"{number} found, expected at least 1")

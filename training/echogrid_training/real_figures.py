@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,5 +77,5 @@ def occupied_share(truth: TruthMap, poses: list[SE2]) -> float:
     return float(np.mean([np.mean(truth.patch(pose, spec) > 0) for pose in poses]))
 
 
-def _slice(rows: NDArray, offsets: NDArray[np.int64], index: int) -> NDArray:  # type: ignore[type-arg]
+def _slice(rows: NDArray[Any], offsets: NDArray[np.int64], index: int) -> NDArray[Any]:
     return rows[offsets[index] : offsets[index + 1]]

@@ -25,7 +25,6 @@ class MapUpdate:
 
     ego: EgoState
     static_points: Floats  # (N, 2) m, base frame at `ego.stamp_ns`
-    sensors: tuple[str, ...]
 
 
 class Mapper:
@@ -94,7 +93,7 @@ class Mapper:
         self.health.cycles += 1
         self.health.static_detections += len(points)
         self.health.tiles_forgotten = self.map.forgotten
-        return MapUpdate(ego, points, tuple(scan.sensor for scan, _ in placed))
+        return MapUpdate(ego, points)
 
     def _place(self, scans: list[RadarScan]) -> list[tuple[RadarScan, EgoState]]:
         """The scans with where the car was when each was measured; those without are counted."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from cantools.database.can import Message
@@ -72,7 +73,7 @@ class QuantityReader:
             out[name] = value
         return out
 
-    def _by_template(self, columns: NDArray) -> NDArray:  # type: ignore[type-arg]
+    def _by_template(self, columns: NDArray[Any]) -> NDArray[Any]:
         """(N, columns) to (templates, N * per_frame)."""
         signals = columns[:, : len(self._decoder.names)]
         return signals.reshape(-1, len(self._row), self.per_frame).transpose(1, 0, 2).reshape(len(self._row), -1)
