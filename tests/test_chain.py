@@ -10,21 +10,29 @@ import numpy as np
 import pytest
 
 from echogrid.config import load_config
-from echogrid.core.occupancy import probability
+from echogrid.core.history import Surroundings
+from echogrid.core.look_map import UPDATES, LookMap
+from echogrid.core.raster import GridSpec
+from echogrid.core.se2 import SE2
+from echogrid.core.tiled_map import probability
 from echogrid.pipeline import Pipeline
-from tests import world
+from tests import networks, world
 
 WALL = world.standing([(x * 0.3, 6.0) for x in range(-20, 160)])
 
 
-def mapped(tmp_path: Path, messages: Sequence[can.Message]) -> Pipeline:
-    path = tmp_path / "echogrid.toml"
-    path.write_text(world.CONFIG)
-    pipeline = Pipeline(load_config(path), path)
+def mapped(tmp_path: Path, messages: Sequence[can.Message], model: str = "analytic") -> Pipeline:
+    pipeline = made(tmp_path, model)
     for message in messages:
         pipeline.add("can0", message)
     pipeline.mapper.end_cycle()
     return pipeline
+
+
+def made(tmp_path: Path, model: str = "analytic") -> Pipeline:
+    path = tmp_path / "echogrid.toml"
+    path.write_text(world.CONFIG)
+    return Pipeline(load_config(path, model), path)
 
 
 def occupied(pipeline: Pipeline, threshold: float = 0.7) -> np.ndarray:
@@ -97,3 +105,79 @@ def test_without_ego_motion_or_radars_there_is_no_map(tmp_path: Path, drop: str)
     scans = sum(sensor.complete for sensor in pipeline.health.sensors.values())
     assert pipeline.health.scans_without_pose == (scans if drop == "motion" else 0)
     assert (scans > 0) == (drop == "motion")
+
+
+def shown(pipeline: Pipeline, messages: Sequence[can.Message]) -> list[tuple[SE2, Surroundings]]:
+    """What each update is drawn from, and the pose that it belongs to."""
+    pairs: list[tuple[SE2, Surroundings]] = []
+    seen: list[Surroundings] = []
+    infer = pipeline.mapper.infer
+
+    def noted(around: Surroundings) -> np.ndarray:
+        seen.append(around)
+        return infer(around)
+
+    pipeline.mapper.infer = noted
+    for message in messages:
+        update = pipeline.add("can0", message)
+        if update is not None:
+            pairs.append((update.ego.odom_from_base, seen[-1]))
+    return pairs
+
+
+def test_a_network_is_shown_what_stands_and_from_where_it_was_measured(tmp_path: Path) -> None:
+    """Round a bend past a wall, with a car that passes: what is left of the last 15 m lies on the wall but for single ones of the car, and every
+    ray and every look comes from where a radar once was on the path that was driven."""
+    path = world.circle(8.0, 0.1)
+    passing = world.moving(world.rectangle(60.0, 3.0), (-12.0, 0.0))
+    found = shown(made(tmp_path), world.record(path, [WALL, passing], 4.0))
+    driven = np.array([path(t) for t in np.arange(0.0, 4.2, 0.005)])
+    cos, sin = np.cos(driven[:, 2]), np.sin(driven[:, 2])
+    mounts = [(x, y) for x, y, _ in world.RADARS.values()]
+    ever = np.concatenate([np.stack((driven[:, 0] + cos * x - sin * y, driven[:, 1] + sin * x + cos * y), axis=1) for x, y in mounts])
+    for base, around in found[5::10]:
+        assert (np.abs(base.apply(around.past.points)[:, 1] - 6.0) < 0.3).mean() > 0.99
+        for places in (base.apply(np.unique(around.past.origins, axis=0)), base.apply(around.looks.place[:, :2])):
+            assert np.hypot(*(ever[:, None] - places).transpose(2, 0, 1)).min(axis=0).max() < 0.08
+        assert (around.age.min(), len(around.live)) == (0.0, 4)
+        assert around.age.max() <= 15.0
+    assert max(around.age.max() for _, around in found) > 14.0
+    assert len(found) > 60
+
+
+def test_a_radar_that_falls_silent_is_no_longer_counted_on(tmp_path: Path) -> None:
+    """Two seconds on, its frames (ids from 0x310 on) stop: a network must not take its silence for free space."""
+    messages = world.record(world.straight(5.0), [WALL], 4.0)
+    kept = [m for m in messages if not (0x310 <= m.arbitration_id < 0x320 and m.timestamp > 102.0)]
+    live = [set(around.live) for _, around in shown(made(tmp_path), kept)]
+    assert live[30] == set(world.RADARS)
+    assert live[-1] == set(world.RADARS) - {"front_right"}
+
+
+@pytest.fixture
+def network(tmp_path: Path) -> str:
+    spec = GridSpec()
+    return str(networks.write(tmp_path / "net.onnx", *networks.default(spec.cells, spec.cell)))
+
+
+def test_with_a_network_the_wall_stands_where_it_stands(tmp_path: Path, network: str) -> None:
+    """One that calls occupied what was hit and free what was looked at: by its mean over looks."""
+    pipeline = mapped(tmp_path, world.record(world.straight(6.0), [WALL], 4.0), network)
+    assert isinstance(pipeline.mapper.map, LookMap)
+    cells = occupied(pipeline)
+    assert len(cells) > 60
+    assert np.abs(cells[:, 1] - 6.0).max() < 0.7
+    for x in range(2, 18):
+        assert 0 < probability_at(pipeline, x, 3.0) < 0.3
+
+
+def test_a_standing_car_learns_nothing_new(tmp_path: Path, network: str) -> None:
+    """After a look's four updates the map stays, bit for bit, however long it stands and whatever passes."""
+    pipeline = made(tmp_path, network)
+    passing = world.moving(world.rectangle(40.0, 3.5), (-10.0, 0.0))
+    digests = []
+    for message in world.record(world.straight(0.0), [WALL, passing], 3.0):
+        if pipeline.add("can0", message) is not None:
+            digests.append(pipeline.mapper.map.window_of_layers(-128, -128, 256, 256).tobytes())
+    assert len(digests) > 40
+    assert len(set(digests)) == len(set(digests[:UPDATES])) == UPDATES

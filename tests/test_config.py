@@ -58,6 +58,10 @@ def test_the_smallest_configuration_drives(tmp_path: Path) -> None:
         (("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "ford_mrr"'), "comes without a DBC file"),
         (("yaw_deg = 45.0", 'yaw_deg = 45.0\ndbc = "none.dbc"'), "none.dbc: cannot be read: No such file"),
         (('name = "front_left"', 'name = "front_left'), "is not valid TOML"),
+        (('vehicle = "test"', 'model = "best"'), "model: Expected `str` matching regex"),
+        (('vehicle = "test"', 'model_fallback = "yes"'), "model_fallback: Expected `bool`, got `str`"),
+        (('vehicle = "test"', 'map.fusion = "looks"'), "map.fusion: 'looks' found, expected 'sum' for the analytic model"),
+        (('vehicle = "test"', 'map.fusion = "mean"'), "map.fusion: "),
         (("[motion]", SECOND.replace("front_right", "front_left") + "[motion]"), "radar[1].name: 'front_left' is taken already"),
         (("[motion]", SECOND + "[motion]"), "radar[1]: 'front_right' and 'front_left' both read id 0x300 on bus 'can0'"),
     ],
@@ -74,6 +78,18 @@ def test_no_radar_and_no_text(tmp_path: Path) -> None:
         load_config(tmp_path / "echogrid.toml")
     with pytest.raises(EchogridError, match="cannot be read: No such file"):
         load_config(tmp_path / "other.toml")
+
+
+def test_the_command_lines_model_stands_in_for_the_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A path is from the working folder, as the shell completes it; in the file it is from the file's folder."""
+    path = tmp_path / "echogrid.toml"
+    path.write_text(f'model = "paper"\nmap.fusion = "looks"\n{CONFIG}')
+    monkeypatch.chdir(tmp_path.parent)
+    assert load_config(path).model == "paper"
+    assert load_config(path, "default").model == "default"
+    assert load_config(path, "net.onnx").model == str(tmp_path.parent / "net.onnx")
+    with pytest.raises(EchogridError, match="map.fusion: 'looks' found, expected 'sum' for the analytic model"):
+        load_config(path, "analytic")
 
 
 @pytest.mark.parametrize("command", [("run", "-c"), ("check", "-c")])

@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from echogrid.core.raster import GridSpec
 from echogrid.errors import EchogridError
 from echogrid.io.drive import find_drive
 from echogrid.replay import replay
-from tests import world
+from tests import networks, world
 
 SHAPE = {"complete", "incomplete", "late"}
 KEYS = {"drive_s", "wall_s", "frames", "bad_frames", "cycles", "scans", "detections", "static_detections", "distance_m", "cycle_ms"}
@@ -48,6 +49,33 @@ def test_a_folder_needs_nothing_else_and_twice_is_the_same(drive: Path, tmp_path
         assert (tmp_path / "one" / name).is_file()
         if name != "map.npz":  # a zip holds the time of writing
             assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+
+
+def test_a_network_gives_the_same_map_twice_and_its_files_say_which(drive: Path, tmp_path: Path) -> None:
+    """Through the command line and through the function, bit for bit; another map than the analytic one's."""
+    spec = GridSpec()
+    net = networks.write(tmp_path / "net.onnx", *networks.default(spec.cells, spec.cell))
+    done = echogrid("replay", drive, "--model", net, "--out", tmp_path / "one")
+    assert (done.returncode, done.stderr) == (0, "")
+    one = json.loads((tmp_path / "one" / "summary.json").read_text())
+    two = replay(find_drive(drive, None), tmp_path / "two", model=str(net))
+    analytic = replay(find_drive(drive, None), tmp_path / "analytic")
+    assert one["model"] == two["model"] == "net.onnx, as configured"
+    assert analytic["model"] == "the analytic model, as configured"
+    assert one["map_sha256"] == two["map_sha256"] != analytic["map_sha256"]
+    with np.load(tmp_path / "one" / "map.npz") as file:
+        assert (file["log_odds"] > 1).sum() > 50
+        assert (file["log_odds"] < -1).sum() > 1000
+
+
+def test_a_network_that_is_none_is_one_sentence(drive: Path, tmp_path: Path) -> None:
+    (tmp_path / "net.onnx").write_bytes(b"noise")
+    done = echogrid("replay", drive, "--model", tmp_path / "net.onnx", "--out", tmp_path / "out")
+    assert done.returncode == 1
+    start = f"echogrid: {drive / 'echogrid.toml'}: model: {tmp_path / 'net.onnx'}: is no ONNX model that onnxruntime reads: "
+    assert done.stderr.startswith(start)
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()
 
 
 def test_the_map_and_the_trajectory_hold_what_they_say(drive: Path, tmp_path: Path) -> None:

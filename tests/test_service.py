@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from echogrid.client import Client
 from echogrid.demo import demo
@@ -36,6 +37,8 @@ def test_through_a_virtual_bus_the_map_is_that_of_the_file(tmp_path: Path) -> No
     assert through_bus["map_sha256"] == from_file["map_sha256"]
     assert through_bus["cycles"] == from_file["cycles"] > 700
     assert (tmp_path / "bus" / "received.png").is_file()
+    with Image.open(tmp_path / "bus" / "side_by_side.png") as sheet:
+        assert min(sheet.size) > 400
     with np.load(tmp_path / "bus" / "map.npz") as file:
         assert (file["log_odds"] > 1).sum() > 1000
 
@@ -49,6 +52,17 @@ def test_nothing_in_the_service_imports_torch_or_the_training_package() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout.strip() == "[]"
+
+
+def test_the_analytic_model_needs_no_onnxruntime(config: tuple[Path, int]) -> None:
+    """52 MiB that a small computer may not have to spare."""
+    path, _ = config
+    code = (
+        "import sys; from pathlib import Path; from echogrid import app; from echogrid.config import load_config\n"
+        f"path = Path({str(path)!r}); app.Pipeline(load_config(path), path); print('onnxruntime' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.strip() == "False"
 
 
 @pytest.fixture
@@ -98,5 +112,5 @@ def test_status_is_json(config: tuple[Path, int]) -> None:
     from echogrid.pipeline import Pipeline
 
     path, _ = config
-    status = Service(Pipeline(load_config(path), path)).status()
-    assert json.loads(json.dumps(status))["state"] == "waiting"
+    status = json.loads(json.dumps(Service(Pipeline(load_config(path), path)).status()))
+    assert (status["state"], status["model"]) == ("waiting", "the analytic model, as configured")

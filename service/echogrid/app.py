@@ -16,8 +16,8 @@ import can
 
 from echogrid.config import Bus, load_config
 from echogrid.core.mapper import MapUpdate
-from echogrid.core.occupancy import LogOdds
 from echogrid.core.odometry import EgoState
+from echogrid.core.tiled_map import LogOdds
 from echogrid.errors import EchogridError
 from echogrid.io.bus import open_bus
 from echogrid.io.frame_queue import FrameQueue
@@ -57,6 +57,7 @@ class Service:
             for worker in workers:
                 worker.start()
             self.live.set()
+            log.info("inverse sensor model: %s", self.pipeline.model.why)
             log.info("live on %s", ", ".join(f"{bus.name} ({bus.interface} {bus.channel})" for bus in self.config.bus))
             try:
                 self._map()
@@ -84,7 +85,7 @@ class Service:
         """What goes out as status: the state of the map and all counters."""
         silence = None if self.updated_at is None else time.monotonic() - self.updated_at
         state = "waiting" if silence is None else "ok" if silence < STALE_AFTER else "stale"
-        return {"state": state, "model": self.config.model, "dropped_frames": self.queue.dropped, **asdict(self.pipeline.health)}
+        return {"state": state, "model": self.pipeline.model.why, "dropped_frames": self.queue.dropped, **asdict(self.pipeline.health)}
 
     def _map(self) -> None:
         period_ns = round(1e9 / self.config.publish.rate_hz)

@@ -55,7 +55,7 @@ def _parser() -> argparse.ArgumentParser:
     demo.add_argument("--out", type=Path, default=Path("out/demo"))
     demo.set_defaults(command=_demo)
     for command in (run, replay, demo):
-        command.add_argument("--model", help="analytic, or the path of an .onnx file; default: as the configuration says")
+        command.add_argument("--model", help="default, paper, analytic, or the path of an .onnx file; otherwise as the configuration says")
     return parser
 
 
@@ -104,6 +104,7 @@ def _demo(arguments: argparse.Namespace) -> None:
             print(text(file["log_odds"], columns=100))
     _report(summary, arguments.out)
     print(f"what the subscriber in the other process received: {arguments.out / 'received.png'}")
+    print(f"detections, analytic map, this map and truth side by side: {arguments.out / 'side_by_side.png'}")
 
 
 def _report(summary: dict[str, Any], out: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
@@ -21,6 +21,7 @@ from echogrid.io.toml import Table, load
 Positive = Annotated[float, Meta(gt=0)]
 Name = Annotated[str, Meta(pattern="^[A-Za-z0-9_-]+$")]  # goes into Zenoh keys
 BUMPER = 0.2  # m: how far outside the outline a radar may sit, behind a bumper
+NAMED = ("analytic", "default", "paper")  # models that are no path
 NOISE, BEAM = GateNoise(), BeamModel()
 
 
@@ -110,8 +111,9 @@ class SensorModel(Table, frozen=True):
 class Map(Table, frozen=True):
     cycle_ms: Positive = 50.0
     max_age_ms: Positive = 200.0  # older scans are late
+    fusion: Literal["sum", "looks"] | None = None  # None: as the model's file says; the analytic model knows only "sum"
     clamp: Positive = 3.5
-    max_tiles: Annotated[int, Meta(ge=16)] = 4096
+    max_tiles: Annotated[int, Meta(ge=16)] = 1024
 
 
 class Publish(Table, frozen=True):
@@ -128,7 +130,8 @@ class Config(Table, frozen=True):
     motion: Motion
     radar: tuple[Radar, ...] = ()
     vehicle: Name = "car"
-    model: Annotated[str, Meta(pattern=r"^analytic$|\.onnx$")] = "analytic"  # or the path of an .onnx file
+    model: Annotated[str, Meta(pattern=r"^(analytic|default|paper)$|\.onnx$")] = "analytic"  # or the path of an .onnx file
+    model_fallback: bool = False  # the analytic model where the configured one is not sound
     body: Body = Body()
     grid: Grid = Grid()
     gate: Gate = Gate()
@@ -144,7 +147,7 @@ def load_config(path: Path, model: str | None = None) -> Config:
     """
     config = load(path, Config)
     if model is not None:
-        config = msgspec.structs.replace(config, model=model if model == "analytic" else str(Path(model).resolve()))
+        config = msgspec.structs.replace(config, model=model if model in NAMED else str(Path(model).resolve()))
     problem = next(_problems(config), None)
     if problem is not None:
         raise EchogridError(f"{path}: {problem}")
@@ -163,6 +166,8 @@ def _problems(config: Config) -> Iterator[str]:
     known = ", ".join(buses)
     if config.motion.bus not in buses:
         yield f"motion.bus: no [[bus]] is named '{config.motion.bus}', found {known}"
+    if config.model == "analytic" and config.map.fusion == "looks":
+        yield "map.fusion: 'looks' found, expected 'sum' for the analytic model: its answers are independent, a network's are not"
     body = config.body
     for index, radar in enumerate(config.radar):
         if radar.bus not in buses:

@@ -22,11 +22,13 @@ import numpy as np
 from echogrid.app import Service
 from echogrid.client import Client, Grid
 from echogrid.config import Config, load_config
-from echogrid.core.occupancy import LogOdds
+from echogrid.core.occupancy import OccupancyMap
+from echogrid.core.raster import rasterize
+from echogrid.core.tiled_map import LogOdds
 from echogrid.errors import EchogridError
-from echogrid.io.drive import find_drive, load_truth
+from echogrid.io.drive import Drive, find_drive, load_truth
 from echogrid.io.log import Log
-from echogrid.io.picture import draw
+from echogrid.io.picture import Panel, draw, side_by_side
 from echogrid.io.signals import bus_of
 from echogrid.pipeline import Pipeline
 from echogrid.replay import Recorder
@@ -50,7 +52,30 @@ def demo(out: Path, model: str | None = None, on_progress: Callable[[float], Non
     finally:
         service.stop.set()
         helper.join()
-    return recorder.write(out, load_truth(drive.truth))
+    truth = load_truth(drive.truth)
+    summary = recorder.write(out, truth)
+    if truth is not None and truth.map is not None:
+        compare(recorder, drive, truth.map, out)
+    return summary
+
+
+def compare(recorder: Recorder, drive: Drive, truth: Panel, out: Path) -> None:
+    """side_by_side.png: all static detections, the analytic map, the map that the service made, and the truth."""
+    config = load_config(drive.config, "analytic")
+    pipeline = Pipeline(config, drive.config)
+    spec = config.grid.spec()
+    detections = OccupancyMap(spec)
+    for message in Log(drive.log):
+        update = pipeline.add(bus_of(message, config.bus) or "", message)
+        if update is not None:
+            detections.integrate((rasterize(update.static_points, spec) > 0)[0] * np.float32(2), update.ego.odom_from_base)
+    maps = (("static detections", detections), ("analytic model", pipeline.mapper.map), ("echogrid", recorder.pipeline.mapper.map))
+    panels = []
+    for title, occupancy in maps:
+        row, column, log_odds = occupancy.whole()
+        panels.append(Panel(title, log_odds, (column * spec.cell, row * spec.cell)))
+    driven = np.array([(ego.odom_from_base.x, ego.odom_from_base.y) for ego in recorder.trajectory])
+    side_by_side([*panels, truth], spec.cell, driven).save(out / "side_by_side.png")
 
 
 def _on_virtual_buses(config: Config) -> Config:

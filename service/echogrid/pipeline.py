@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import can
+import numpy as np
 
 from echogrid.config import Config
 from echogrid.core.health import Health
+from echogrid.core.history import Surroundings
 from echogrid.core.inverse_sensor_model import AnalyticSensorModel
-from echogrid.core.mapper import InverseSensorModel, Mapper, MapUpdate
+from echogrid.core.look_map import LookMap
+from echogrid.core.mapper import Infer, Mapper, MapUpdate
 from echogrid.core.messages import RadarScan
 from echogrid.core.occupancy import OccupancyMap
+from echogrid.core.raster import Image, rasterize
+from echogrid.core.tiled_map import TiledMap
 from echogrid.errors import EchogridError
 from echogrid.io.signals import SignalReader
 
@@ -25,11 +31,11 @@ class Pipeline:
         self.health = Health()
         self.signals = SignalReader(config, source, self.health)
         mounts = {radar.name: radar.mount() for radar in config.radar}
-        spec = config.grid.spec()
+        self.model = sensor_model(config, source)
         self.mapper = Mapper(
             mounts=mounts,
-            infer=sensor_model(config, source),
-            occupancy=OccupancyMap(spec, config.map.clamp, config.map.max_tiles),
+            infer=self.model.infer,
+            occupancy=self.model.map,
             health=self.health,
             noise=config.gate.noise(),
             cycle_ns=round(config.map.cycle_ms * 1e6),
@@ -48,14 +54,54 @@ class Pipeline:
         return self.mapper.update(self.signals.newest_ns)
 
 
-def sensor_model(config: Config, source: Path) -> InverseSensorModel:
-    """The inverse sensor model that the configuration names. Raises EchogridError where a model file is not sound."""
-    spec = config.grid.spec()
-    if config.model == "analytic":
-        return AnalyticSensorModel(spec, tuple(radar.mount() for radar in config.radar), config.sensor_model.beam())
-    from echogrid.io.model import OnnxSensorModel  # onnxruntime is loaded only where a network runs
+@dataclass(frozen=True, slots=True, eq=False)
+class SensorModel:
+    """What turns surroundings into what the map takes, and the empty map that takes it."""
 
+    infer: Infer
+    map: TiledMap
+    why: str  # which model this is and why, for log and status
+
+
+def sensor_model(config: Config, source: Path) -> SensorModel:
+    """As the configuration says. Raises EchogridError where a model file is not sound and it allows no other."""
+    if config.model == "analytic":
+        return _analytic(config, "the analytic model, as configured")
     try:
-        return OnnxSensorModel(source.parent / config.model, spec)
+        return _network(config, source)
     except EchogridError as error:
-        raise EchogridError(f"{source}: model: {error}") from error
+        if not config.model_fallback:
+            raise EchogridError(f"{source}: model: {error}") from error
+        return _analytic(config, f"the analytic model, in place of '{config.model}': {error}")
+
+
+def _analytic(config: Config, why: str) -> SensorModel:
+    spec = config.grid.spec()
+    model = _geometry(config)
+    occupancy = OccupancyMap(spec, config.map.clamp, config.map.max_tiles)
+    return SensorModel(lambda around: model(rasterize(around.now.points, spec)), occupancy, why)
+
+
+def _network(config: Config, source: Path) -> SensorModel:
+    from echogrid.io.model_choice import SHIPPED, choose  # onnxruntime is loaded only where a network runs
+
+    spec = config.grid.spec()
+    mounts = {radar.name: radar.mount() for radar in config.radar}
+    choice = choose(config.model if config.model in SHIPPED else str(source.parent / config.model), spec, mounts)
+    network, geometry = choice.model, _geometry(config)
+    if (config.map.fusion or network.contract.fusion) == "sum":
+
+        def summed(around: Surroundings) -> Image:
+            log_odds, weight = network(around)
+            return np.asarray(log_odds * weight)
+
+        return SensorModel(summed, OccupancyMap(spec, config.map.clamp, config.map.max_tiles), choice.why)
+
+    def averaged(around: Surroundings) -> Image:
+        return np.stack((*network(around), geometry(rasterize(around.now.points, spec))))
+
+    return SensorModel(averaged, LookMap(spec, network.contract.calibration, config.map.clamp, config.map.max_tiles), choice.why)
+
+
+def _geometry(config: Config) -> AnalyticSensorModel:
+    return AnalyticSensorModel(config.grid.spec(), tuple(radar.mount() for radar in config.radar), config.sensor_model.beam())

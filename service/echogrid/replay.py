@@ -63,7 +63,7 @@ class Recorder:
         health = self.pipeline.health
         cycle_ms = np.array(self.cycle_s or [0.0]) * 1e3
         summary: dict[str, Any] = {
-            "model": self.pipeline.config.model,
+            "model": self.pipeline.model.why,
             "drive_s": round(self.last_s - (self.first_s or 0.0), 3),
             "wall_s": round(time.perf_counter() - self.started, 3),
             "frames": health.frames,

@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from echogrid.core.occupancy import TILE, OccupancyMap, probability
+from echogrid.core.occupancy import OccupancyMap
 from echogrid.core.raster import GridSpec
 from echogrid.core.se2 import IDENTITY, SE2
+from echogrid.core.tiled_map import TILE, probability, resample
 
 SPEC = GridSpec(cells=32, cell=0.25)
 SMALL = GridSpec(cells=10, cell=0.25)
@@ -103,3 +104,17 @@ def test_the_farthest_tiles_are_forgotten_beyond_the_limit() -> None:
 
 def test_an_empty_map_has_no_cells() -> None:
     assert OccupancyMap(SPEC).whole()[2].shape == (0, 0)
+
+
+def test_layers_are_resampled_as_if_each_were_alone() -> None:
+    planes = np.random.default_rng(2).normal(size=(3, 10, 10)).astype(np.float32)
+    pose = SE2(0.7, -1.3, 0.4)
+    row, column, together = resample(planes, pose, SMALL)
+    for plane, alone in zip(together, planes, strict=True):
+        occupancy = OccupancyMap(SMALL, clamp=100.0)
+        occupancy.integrate(alone, pose)
+        np.testing.assert_array_equal(occupancy.window(row, column, *plane.shape), plane)
+
+
+def test_every_update_is_taken() -> None:
+    assert all(OccupancyMap(SPEC).takes(IDENTITY) for _ in range(5))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from echogrid.core.mount import Mount
 from echogrid.core.se2 import SE2, arc
-from echogrid.core.static_gate import GateNoise, fold, is_static, static_range_rate
+from echogrid.core.static_gate import GateNoise, deviation, fold, static_range_rate
 
 mounts = st.builds(lambda x, y, yaw: Mount(SE2(x, y, yaw), math.pi, 50.0), st.floats(-1, 4), st.floats(-1, 1), st.floats(-math.pi, math.pi))
 
@@ -57,10 +57,10 @@ def test_a_static_target_abeam_stays_and_a_mover_goes() -> None:
     azimuth = np.radians([-60.0, -45.0, 0.0, 45.0, 60.0])
     static, _ = static_range_rate(azimuth, corner, 10.0, 0.2)
     noise = GateNoise()
-    assert is_static(azimuth, static, 0.0, corner, 10.0, 0.2, noise).all()
-    assert not is_static(azimuth, static + 3.0, 0.0, corner, 10.0, 0.2, noise).any()
+    assert (deviation(azimuth, static, 0.0, corner, 10.0, 0.2, noise) < 1e-6).all()
+    assert (deviation(azimuth, static + 3.0, 0.0, corner, 10.0, 0.2, noise) > noise.sigmas).all()
     aliased = (static + 10.31) % 20.62 - 10.31  # as a sensor with an interval of 20.62 m/s reports it
-    assert is_static(azimuth, aliased, 20.62, corner, 10.0, 0.2, noise).all()
+    assert (deviation(azimuth, aliased, 20.62, corner, 10.0, 0.2, noise) < 1e-6).all()
 
 
 def test_the_threshold_grows_abeam() -> None:
@@ -68,4 +68,5 @@ def test_the_threshold_grows_abeam() -> None:
     front = Mount(SE2(3.7, 0.0, 0.0), 3.2, 50.0)
     azimuth = np.array([0.0, math.pi / 2])
     static, _ = static_range_rate(azimuth, front, 14.0, 0.0)
-    assert is_static(azimuth, static + 0.9, 0.0, front, 14.0, 0.0, GateNoise()).tolist() == [False, True]
+    ahead, abeam = deviation(azimuth, static + 0.9, 0.0, front, 14.0, 0.0, GateNoise())
+    assert ahead > GateNoise().sigmas > abeam

@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 import numpy as np
 
 from echogrid.errors import EchogridError
 from echogrid_training.drive import check_free, write_drive
-from echogrid_training.episode import draw_episode
+from echogrid_training.episode import draw_episode, paper_sensors
 from echogrid_training.layout import make_town
 from echogrid_training.osm import town_from_osm
 from echogrid_training.simulate import simulate
@@ -30,6 +31,7 @@ class Campaign:
     seconds: float
     seed: int
     osm: str | None = None
+    sensors: Literal["drawn", "paper"] = "drawn"  # anew for every drive, over wide ranges; or the paper's kind
 
     def name(self, index: int) -> str:
         """The folder of one town."""
@@ -82,7 +84,8 @@ def make(campaign: Campaign, index: int, out: Path) -> str:
         town = make_town(campaign.family, seed, campaign.seconds)
     else:
         town = town_from_osm(Path(campaign.osm), seed, campaign.seconds)
-    recording, truth = simulate(town, draw_episode(seed, campaign.family))
+    episode = paper_sensors(seed, campaign.family) if campaign.sensors == "paper" else draw_episode(seed, campaign.family)
+    recording, truth = simulate(town, episode)
     write_drive(recording, folder, seed=seed, truth_map=truth)
     return folder.name
 
@@ -98,7 +101,7 @@ def _compare(campaign: Campaign, out: Path) -> None:
         raise EchogridError(f"{plan}: cannot be read: {error.strerror}") from error
     except msgspec.DecodeError as error:
         raise EchogridError(f"{plan}: does not note a campaign: {error}") from error
-    for key in ("family", "seconds", "seed", "osm"):
+    for key in ("family", "seconds", "seed", "osm", "sensors"):
         if getattr(noted, key) != getattr(campaign, key):
             raise EchogridError(
                 f"{plan}: the folder holds a campaign with {key} {getattr(noted, key)}, expected {getattr(campaign, key)}: "

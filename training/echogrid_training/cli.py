@@ -67,6 +67,7 @@ def _parser() -> argparse.ArgumentParser:
     towns.add_argument("--towns", type=fit.positive, required=True, metavar="N", help="how many drives")
     towns.add_argument("--seconds", type=_seconds, default=60.0, metavar="T", help="of each drive (default: 60)")
     towns.add_argument("--seed", type=int, default=0, metavar="S")
+    towns.add_argument("--sensors", choices=("drawn", "paper"), default="drawn", help="anew for every drive (default), or the paper's kind")
     towns.add_argument("--workers", type=fit.positive, default=os.cpu_count() or 1, metavar="N", help="processes; the result is the same")
     towns.add_argument("--out", type=Path, required=True, metavar="DIR")
     towns.set_defaults(command=_simulate)
@@ -126,7 +127,9 @@ def _write(options: argparse.Namespace, recording: Recording, truth_map: TruthMa
 
 
 def _simulate(options: argparse.Namespace) -> None:
-    plan = campaign.Campaign(options.family or "osm", options.towns, options.seconds, options.seed, options.osm and str(options.osm))
+    plan = campaign.Campaign(
+        options.family or "osm", options.towns, options.seconds, options.seed, options.osm and str(options.osm), options.sensors
+    )
     with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task(f"simulating {options.towns} drives", total=options.towns)
         made = campaign.run(plan, options.out, options.workers, lambda _: bar.advance(task))

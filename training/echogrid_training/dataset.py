@@ -1,4 +1,4 @@
-"""The samples of simulated drives as small arrays, the split by towns, and the paper's augmentation.
+"""The samples of simulated drives as arrays, the split by towns, and the augmentations.
 
 Cutting a drive of 40 s takes seconds, so its samples are kept beside its folder as NAME.samples.npz, and cut anew when the drive or the
 code that draws images changes.
@@ -7,8 +7,11 @@ code that draws images changes.
 from __future__ import annotations
 
 import hashlib
+import multiprocessing
 import zipfile
-from collections.abc import Iterable
+import zlib
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,16 +21,21 @@ from numpy.typing import NDArray
 
 import echogrid
 from echogrid.config import load_config
+from echogrid.core.history_raster import CHANNELS, Bytes
 from echogrid.core.raster import GridSpec, Image
 from echogrid.errors import EchogridError
 from echogrid_training import ground_truth, samples
+from echogrid_training.disturbance import Disturbance
 from echogrid_training.recording import Track, untracked
+from echogrid_training.samples import Sample
 
 SURE = 127  # what a label of 1 is stored as
 HELD_OUT = 8  # one town in so many is for validation
-SPEC = GridSpec()  # what the network is made for
+ARRAYS = ("images", "lidar", "labels")  # of Samples
+SPEC = GridSpec()  # what the networks are made for
 
-Bits = NDArray[np.uint8]
+READ_BY = ("decode", "quantity", "dbc", "profile", "radar", "motion", "signals", "log")  # what frames become scans by
+
 Labels = NDArray[np.int8]
 
 
@@ -35,7 +43,8 @@ Labels = NDArray[np.int8]
 class Samples:
     """Images and labels of one or many drives."""
 
-    images: Bits  # (N, 2048): np.packbits of the 128 x 128 cells in which a detection lies
+    images: Bytes  # (N, 12, 128, 128), as echogrid.core.history_raster draws them
+    lidar: Bytes  # (N, 2048): np.packbits of the cells with a return of the lidar
     labels: Labels  # (N, 128, 128): 127 times the soft label, of the same sign
 
     def __len__(self) -> int:
@@ -43,30 +52,55 @@ class Samples:
 
     def digest(self) -> str:
         """sha256 of what would be learned from."""
-        return hashlib.sha256(self.images.tobytes() + self.labels.tobytes()).hexdigest()
+        total = hashlib.sha256()
+        for array in (self.images, self.lidar, self.labels):
+            total.update(array.data)
+        return total.hexdigest()
 
-    def batch(self, chosen: NDArray[np.intp]) -> tuple[NDArray[np.int8], Labels]:
-        """Images (n, 128, 128), -1 or 1, and labels (n, 128, 128) in [-127, 127], of the chosen ones."""
-        bits = np.unpackbits(self.images[chosen], axis=1).reshape(-1, SPEC.cells, SPEC.cells)
-        return 2 * bits.astype(np.int8) - 1, self.labels[chosen]
+    def chosen(self, which: NDArray[np.intp]) -> Samples:
+        return Samples(self.images[which], self.lidar[which], self.labels[which])
+
+    @staticmethod
+    def empty(count: int) -> Samples:
+        """Room for so many."""
+        side = SPEC.cells
+        return Samples(
+            np.zeros((count, len(CHANNELS), side, side), np.uint8),
+            np.zeros((count, side * side // 8), np.uint8),
+            np.zeros((count, side, side), np.int8),
+        )
 
 
-def joined(parts: Iterable[Samples]) -> Samples:
+def joined(parts: Sequence[Samples]) -> Samples:
     """All of them in one, in their order."""
-    held = [*parts, Samples(np.zeros((0, SPEC.cells**2 // 8), np.uint8), np.zeros((0, SPEC.cells, SPEC.cells), np.int8))]
-    return Samples(np.concatenate([part.images for part in held]), np.concatenate([part.labels for part in held]))
+    whole, start = Samples.empty(sum(len(part) for part in parts)), 0
+    for part in parts:
+        for name in ARRAYS:
+            getattr(whole, name)[start : start + len(part)] = getattr(part, name)
+        start += len(part)
+    return whole
 
 
-def packed(pairs: Iterable[tuple[Image, Image]]) -> Samples:
-    """Of images (1, 128, 128) in [-1, 1] and true log-odds (128, 128)."""
-    images, labels = [], []
-    for image, log_odds in pairs:
-        images.append(np.packbits(image.reshape(-1) > 0))
-        size = np.abs(SURE * ground_truth.soft(log_odds)).round().clip(1)  # evidence that nearly cancels is none the less observed
-        labels.append(ground_truth.ternary(log_odds) * size.astype(np.int8))
-    if not images:
-        return joined(())
-    return Samples(np.stack(images), np.stack(labels))
+def packed(cut: Iterable[Sample]) -> Samples:
+    """Of the samples of a drive."""
+    images, lidar, labels = [], [], []
+    for sample in cut:
+        images.append(sample.image)
+        lidar.append(np.packbits(sample.lidar.reshape(-1)))
+        size = np.abs(SURE * ground_truth.soft(sample.truth)).round().clip(1)  # evidence that nearly cancels is none the less observed
+        labels.append(ground_truth.ternary(sample.truth) * size.astype(np.int8))
+    return Samples(np.stack(images), np.stack(lidar), np.stack(labels)) if images else Samples.empty(0)
+
+
+def of_lidar(lidar: Bytes) -> NDArray[np.float32]:
+    """(n, 1, 128, 128): 1 where the lidar has a return, else -1, of packed bits (n, 2048)."""
+    bits = np.unpackbits(lidar, axis=1).reshape(-1, 1, SPEC.cells, SPEC.cells)
+    return np.where(bits > 0, np.float32(1), np.float32(-1))
+
+
+def of_detections(images: Bytes) -> NDArray[np.float32]:
+    """(n, 1, 128, 128): the paper's image, 1 where a detection of the newest scans lies, else -1, of images (n, 12, 128, 128)."""
+    return np.where(images[:, :1] > 0, np.float32(1), np.float32(-1))
 
 
 def ternary(labels: Labels) -> Image:
@@ -89,9 +123,12 @@ def find_drives(folder: Path) -> list[Path]:
     return found
 
 
-def load_drive(drive: Path) -> Samples:
-    """The drive's samples, from beside it if they are still true, else cut and kept there. Raises EchogridError."""
-    kept, source = drive.with_name(f"{drive.name}.samples.npz"), _source(drive)
+def load_drive(drive: Path, disturbed: bool = False) -> Samples:
+    """The drive's samples, from beside it if they are still true, else cut and kept there. Raises EchogridError.
+
+    `disturbed`: with thinned scans and silent radars in some spells.
+    """
+    kept, source = drive.with_name(f"{drive.name}.{'disturbed' if disturbed else 'samples'}.npz"), _source(drive)
     held = _read(kept, source)
     if held is not None:
         return held
@@ -101,27 +138,37 @@ def load_drive(drive: Path) -> Samples:
             f"{drive / 'echogrid.toml'}: grid of {spec.cells} cells of {spec.cell} m found, "
             f"expected {SPEC.cells} of {SPEC.cell}: the network is made for that"
         )
-    cut = packed((sample.image, sample.truth) for sample in samples.samples(drive))
+    what = Disturbance(zlib.crc32(drive.name.encode())) if disturbed else None
+    cut = packed(samples.samples(drive, what))
     partial = kept.with_name(f".{kept.name}.partial")
     try:
         with partial.open("wb") as file:
-            np.savez_compressed(file, images=cut.images, labels=cut.labels, source=np.array(source))
+            np.savez_compressed(file, **{name: getattr(cut, name) for name in ARRAYS}, source=np.array(source))
         partial.replace(kept)
     except OSError as error:
         raise EchogridError(f"{kept}: cannot be written: {error.strerror}") from error
     return cut
 
 
-def load_drives(drives: Iterable[Path], track: Track = untracked) -> list[Samples]:
-    """Of each drive, in order. Raises EchogridError."""
-    return [load_drive(drive) for drive in track(list(drives), "cutting samples")]
+def load_drives(drives: Sequence[Path], track: Track = untracked, *, disturbed: bool = False, workers: int = 1) -> Samples:
+    """Of all drives, in order; what is not kept beside them is cut by `workers` processes. Raises EchogridError."""
+    if workers > 1:
+        with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+            pending = [pool.submit(_cut, drive, disturbed) for drive in drives]
+            for done in track(pending, "cutting samples"):
+                done.result()
+    return joined([load_drive(drive, disturbed) for drive in track(drives, "loading samples")])
+
+
+def _cut(drive: Path, disturbed: bool) -> None:
+    load_drive(drive, disturbed)
 
 
 def _source(drive: Path) -> str:
     """sha256 of all that a drive's samples come from: its files, and the code from the frames to the image."""
     service = Path(echogrid.__file__).parent
-    code = [Path(samples.__file__), Path(ground_truth.__file__), Path(__file__), service / "pipeline.py"]
-    code += sorted((service / "core").glob("*.py")) + sorted((service / "io").glob("*.py"))
+    code = [Path(__file__).with_name(f"{name}.py") for name in ("samples", "disturbance", "ground_truth", "dataset")]
+    code += [service / "pipeline.py", *sorted((service / "core").glob("*.py")), *(service / "io" / f"{name}.py" for name in READ_BY)]
     total = hashlib.sha256()
     for path in [*sorted(path for path in drive.iterdir() if path.is_file()), *code]:
         total.update(path.name.encode() + hashlib.sha256(path.read_bytes()).digest())
@@ -132,7 +179,7 @@ def _read(path: Path, source: str) -> Samples | None:
     """None where there is nothing, or something of another source, or torn."""
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as held:
-            return Samples(held["images"], held["labels"]) if str(held["source"]) == source else None
+            return Samples(*(held[name] for name in ARRAYS)) if str(held["source"]) == source else None
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None
 
@@ -169,14 +216,24 @@ def town(drive: Path) -> str:
     return drive.name if place.osm is None else Path(place.osm).name
 
 
-def augment(images: NDArray[np.int8], labels: Labels, rng: np.random.Generator) -> tuple[NDArray[np.int8], Labels]:
-    """The paper's: each pair of (n, 128, 128) turned by a random multiple of 90°, then flipped at random along both axes.
+def turned(images: NDArray[np.float32], labels: Labels, rng: np.random.Generator) -> tuple[NDArray[np.float32], Labels]:
+    """The paper's augmentation: each pair of (n, 1, 128, 128) and (n, 128, 128) turned by a random multiple of 90°, then flipped at random
+    along both axes.
 
     Only left for right is a true symmetry of a car with radars at its corners; the others are other mountings.
     """
-    both = np.stack((images, labels), axis=1)  # (n, 2, H, W)
-    turns, flips = rng.integers(4, size=len(both)), rng.integers(2, size=(len(both), 2))
-    for index, (turn, (rows, columns)) in enumerate(zip(turns, flips, strict=True)):
-        turned = np.rot90(both[index], turn, axes=(1, 2))
-        both[index] = turned[:, :: 1 - 2 * rows, :: 1 - 2 * columns].copy()
-    return both[:, 0], both[:, 1]
+    images, labels = images.copy(), labels.copy()
+    turns, flips = rng.integers(4, size=len(images)), rng.integers(2, size=(len(images), 2))
+    for image, label, turn, (rows, columns) in zip(images, labels, turns, flips, strict=True):
+        image[:] = np.rot90(image, turn, axes=(1, 2))[:, :: 1 - 2 * rows, :: 1 - 2 * columns].copy()
+        label[:] = np.rot90(label, turn)[:: 1 - 2 * rows, :: 1 - 2 * columns].copy()
+    return images, labels
+
+
+def mirrored(images: Bytes, labels: Labels, rng: np.random.Generator) -> tuple[Bytes, Labels]:
+    """Left for right in half of the pairs (n, C, 128, 128) and (n, 128, 128): exact for every plane of every car."""
+    flip = rng.integers(2, size=len(images)).astype(bool)
+    return (
+        np.where(flip[:, None, None, None], images[:, :, ::-1], images),
+        np.where(flip[:, None, None], labels[:, ::-1], labels),
+    )

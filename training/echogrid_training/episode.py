@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -104,6 +104,23 @@ def paper_like(seed: int = 0) -> Episode:
     mounts = [RadarMount(name, SE2(x, y, math.radians(yaw)), 2 * radar.half_fov) for name, (x, y, yaw) in zip(NAMES, places, strict=True)]
     corners = tuple(Corner(mount, phase) for mount, phase in zip(mounts, (0.0, 0.27, 0.55, 0.8), strict=True))
     return Episode(seed, body, radar, corners, MotionErrors(), density=24.0)  # type: ignore[arg-type]
+
+
+def paper_sensors(seed: int, family: str) -> Episode:
+    """paper_like with another density for every seed, and with the motion errors, mounting errors and dropped scans of a drawn episode."""
+    drawn, fixed = draw_episode(seed, family), paper_like(seed)
+    rng = np.random.default_rng((seed, zlib.crc32(family.encode()), 1))
+    corners = tuple(
+        replace(corner, azimuth_bias=other.azimuth_bias, ripple=other.ripple, range_rate_bias=other.range_rate_bias)
+        for corner, other in zip(fixed.corners, drawn.corners, strict=True)
+    )
+    return replace(
+        fixed,
+        corners=corners,  # type: ignore[arg-type]
+        motion=drawn.motion,
+        density=float(rng.uniform(15.0, 35.0)),
+        dropped=drawn.dropped,
+    )
 
 
 def draw_episode(seed: int, family: str) -> Episode:

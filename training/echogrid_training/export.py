@@ -1,9 +1,11 @@
-"""A trained network as an ONNX file that carries its own contract, compared with PyTorch on other images than it was traced with."""
+"""A trained network as ONNX files that carry their own contract, compared with PyTorch on other images than they were traced with."""
 
 from __future__ import annotations
 
 import logging
+import math
 import warnings
+import zlib
 from importlib.metadata import version
 from pathlib import Path
 
@@ -12,33 +14,38 @@ import numpy as np
 import onnx
 import onnxruntime
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
+from torch.nn.functional import pixel_unshuffle
 from torch.nn.utils.fusion import fuse_conv_bn_weights
 
+from echogrid.core.history_raster import CHANNELS, Bytes
+from echogrid.core.look_map import Calibration
 from echogrid.core.raster import GridSpec
 from echogrid.errors import EchogridError
-from echogrid.io.model import CHANNELS as DRAWN
-from echogrid.io.model import KEY, RANGE, VERSION, Contract, Golden, OnnxSensorModel, coarse
-from echogrid.io.model import OUTPUT as MEANING
-from echogrid_training.model import CELLS, CHANNELS, SLOPE, PaperAutoencoder, probe
+from echogrid.io.model import KEY, PAPER, VERSION, Contract, Golden, OnnxSensorModel, Precision, coarse, fed, unfolded
+from echogrid_training.dataset import Samples
+from echogrid_training.model import CELLS, SLOPE, PaperAutoencoder
+from echogrid_training.quantise import TARGETS, quantised
 from echogrid_training.train import Trained
+from echogrid_training.unet import CLASS_WEIGHTS, UNet, corrected
 
 OPSET = 18
-INPUT, OUTPUT = "image", "log_odds"  # (1, 1, 128, 128) in [-1, 1] and (1, 128, 128)
+INPUT, OUTPUT = "image", "answer"
 REGISTRY = "torch.onnx._internal.exporter._registration"  # warns of every operator of torchvision that is not there
-PARITY = 1e-4  # log-odds between PyTorch and ONNX Runtime; what is seen is 1e-5
+SHARES = (0.0, 0.001, 0.02, 0.3)  # of cells that are not 0, in images to compare by
+PARITY = 1e-4  # logits between PyTorch and ONNX Runtime; what is seen is 1e-5
 
 
 class TrainedContract(Contract, frozen=True, kw_only=True):
     """What the service demands, and where the network comes from."""
 
-    weighting: str
-    labels: str
-    width: int
+    network: str
+    weighting: str | None  # of classes in the paper's loss
+    class_shares: tuple[float, float, float]  # of free, unknown and occupied cells in what was learned from
     epochs: int
     seed: int
-    data_sha256: str  # of the samples of all drives that were learned from
-    calibration: tuple[float, float]  # a, b: a * output + b are log-odds where something was observed
+    data_sha256: str  # of the samples that were learned from
     echogrid_training: str  # version
 
 
@@ -89,8 +96,8 @@ def folded(block: nn.Module) -> tuple[nn.Parameter, nn.Parameter]:
     return fuse_conv_bn_weights(conv.weight, conv.bias, mean, variance, norm.eps, norm.weight, norm.bias, transpose)
 
 
-class Exported(nn.Module):
-    """What the file holds: (1, 1, 128, 128) -> (1, 128, 128)."""
+class ExportedPaper(nn.Module):
+    """What its file holds: (1, 1, 128, 128) of -1 and 1 -> log-odds (1, 128, 128)."""
 
     def __init__(self, model: PaperAutoencoder) -> None:
         super().__init__()
@@ -101,84 +108,134 @@ class Exported(nn.Module):
         return log_odds
 
 
-def export(trained: Trained, path: Path) -> Path:
-    """Writes the file once it agrees with PyTorch. Raises EchogridError where it does not, and leaves what was there."""
-    model = trained.model()
-    partial = path.with_name(f".{path.name}.partial")
-    proto = traced(model)
-    onnx.helper.set_model_props(proto, {KEY: msgspec.json.encode(contract(trained, model)).decode()})
-    onnx.checker.check_model(proto, full_check=True)
-    onnx.save(proto, partial)
-    try:
-        compare(model, partial, trained.golden)
-    except EchogridError:
-        partial.unlink()
-        raise
-    return partial.replace(path)
+class ExportedUNet(nn.Module):
+    """What its files hold: folded bytes (1, 48, 64, 64), or those / 255 -> folded class logits (1, 12, 64, 64).
+
+    The logits are of the classes' own shares: the head's bias takes the loss's weights out.
+    """
+
+    def __init__(self, model: UNet) -> None:
+        super().__init__()
+        self.core = model.core
+        with torch.no_grad():
+            assert self.core.head.bias is not None
+            self.core.head.bias -= torch.tensor([math.log(weight) for weight in CLASS_WEIGHTS]).repeat_interleave(4)
+
+    def forward(self, image: Tensor) -> Tensor:
+        logits: Tensor = self.core(image.float() / 255 if image.dtype == torch.uint8 else image)
+        return logits
 
 
-def traced(model: PaperAutoencoder) -> onnx.ModelProto:
-    """The network as a graph of static shape, traced with an empty image."""
-    empty = probe(0, 0)
+def export(trained: Trained, out: Path, calibration: Calibration, calibrating: Bytes | None = None) -> list[Path]:
+    """Writes NETWORK.onnx and, with images (N, 12, 128, 128) to choose the steps by, NETWORK.x86.onnx and NETWORK.arm.onnx in int8.
+
+    A file appears once the service would take it and, in float, it agrees with PyTorch. Raises EchogridError where it does not, and
+    leaves what was there.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    name = trained.settings.network
+    kind = torch.float32 if name == "paper" else torch.uint8
+    written = [write(trained, out / f"{name}.onnx", traced(trained, kind), "float", calibration)]
+    if calibrating is not None:
+        shown = pixel_unshuffle(torch.from_numpy(calibrating).float() / 255, 2).numpy()
+        graph = traced(trained, torch.float32)
+        for target in TARGETS:
+            written.append(write(trained, out / f"{name}.{target}.onnx", quantised(graph, INPUT, shown, target), "int8", calibration))
+    return written
+
+
+def traced(trained: Trained, kind: torch.dtype) -> onnx.ModelProto:
+    """The network as a graph of static shape, traced with an empty image of this kind of number."""
+    model, side = trained.model(), CELLS
+    if isinstance(model, PaperAutoencoder):
+        exported: nn.Module = ExportedPaper(model)
+        empty = torch.full((1, 1, side, side), -1.0)
+    else:
+        exported = ExportedUNet(model)  # type: ignore[arg-type]
+        empty = torch.zeros((1, 4 * len(CHANNELS), side // 2, side // 2), dtype=kind)
     logging.getLogger(REGISTRY).setLevel(logging.ERROR)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"`isinstance\(treespec, LeafSpec\)` is deprecated", FutureWarning)  # of PyTorch's own insides
         program = torch.onnx.export(
-            Exported(model).eval(), (empty,), input_names=[INPUT], output_names=[OUTPUT], opset_version=OPSET, dynamo=True, verbose=False
+            exported.eval(), (empty,), input_names=[INPUT], output_names=[OUTPUT], opset_version=OPSET, dynamo=True, verbose=False
         )
     assert program is not None
     proto: onnx.ModelProto = program.model_proto
     return proto
 
 
-def contract(trained: Trained, model: PaperAutoencoder) -> TrainedContract:
+def write(trained: Trained, path: Path, proto: onnx.ModelProto, precision: Precision, calibration: Calibration) -> Path:
+    """With its contract, whose golden answers are the file's own."""
+    session = onnxruntime.InferenceSession(proto.SerializeToString(), providers=["CPUExecutionProvider"])
+    images = [drawn(trained, image) for image in trained.golden.numpy()]
+    goldens = []
+    for image in images:
+        (answer,) = session.run(None, {INPUT: fed(image)})
+        planes = answer if len(image) == 1 else unfolded(answer[0])
+        goldens.append(Golden(zlib.compress(image.tobytes(), 9), coarse(planes).astype("<f4").tobytes()))
+    onnx.helper.set_model_props(proto, {KEY: msgspec.json.encode(contract(trained, precision, calibration, goldens)).decode()})
+    onnx.checker.check_model(proto, full_check=True)
+    partial = path.with_name(f".{path.stem}.partial.onnx")
+    onnx.save(proto, partial)
+    try:
+        model = OnnxSensorModel(partial, GridSpec(), {})  # as the service takes it
+        if precision == "float":
+            compare(trained, model)
+    except EchogridError:
+        partial.unlink()
+        raise
+    return partial.replace(path)
+
+
+def contract(trained: Trained, precision: Precision, calibration: Calibration, golden: list[Golden]) -> TrainedContract:
     settings = trained.settings
+    paper = settings.network == "paper"
     return TrainedContract(
         version=VERSION,
         cells=CELLS,
         cell=GridSpec().cell,
-        channels=DRAWN,
-        input_range=RANGE,
-        output=MEANING,
-        weighting=settings.weighting,
-        labels=settings.labels,
-        width=settings.width,
+        channels=PAPER if paper else CHANNELS,
+        output="log-odds" if paper else "class-logits",
+        precision=precision,
+        fusion="sum" if paper else "looks",
+        calibration=calibration,
+        golden=tuple(golden),
+        network=settings.network,
+        weighting=settings.weighting if paper else None,
+        class_shares=trained.shares,
         epochs=settings.epochs,
         seed=settings.seed,
         data_sha256=trained.data_sha256,
-        calibration=trained.calibration,
-        golden=tuple(golden(model, occupied) for occupied in trained.golden),
         echogrid_training=version("echogrid-training"),
     )
 
 
-def golden(model: PaperAutoencoder, occupied: list[int]) -> Golden:
-    with torch.inference_mode():
-        means = coarse(model(drawn(occupied))[0].numpy())
-    return Golden(np.array(occupied, "<u2").tobytes(), means.astype("<f4").tobytes())
+def drawn(trained: Trained, image: Bytes) -> Bytes:
+    """(C, H, W) that the network is shown, of all twelve planes (12, H, W)."""
+    return (image[:1] > 0).astype(np.uint8) if trained.settings.network == "paper" else image
 
 
-def drawn(occupied: list[int]) -> Tensor:
-    """(1, 1, 128, 128) image of flat indices."""
-    image = torch.full((CHANNELS * CELLS * CELLS,), -1.0)
-    image[occupied] = 1.0
-    return image.view(1, CHANNELS, CELLS, CELLS)
+def compare(trained: Trained, model: OnnxSensorModel) -> float:
+    """The largest difference of logits between PyTorch and ONNX Runtime over images that nothing was traced with.
 
-
-def compare(model: PaperAutoencoder, path: Path, golden: list[list[int]]) -> float:
-    """The largest difference of log-odds between PyTorch and ONNX Runtime over images that nothing was traced with.
-
-    Raises EchogridError beyond PARITY, or where the service would not take the file.
+    Raises EchogridError beyond PARITY.
     """
-    session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
-    images = [*(probe(seed, count) for seed, count in ((1, 1), (2, 40), (3, 250), (4, 1000))), *(drawn(one) for one in golden)]
+    rng = np.random.default_rng(1)
+    sparse = [(rng.uniform(size=trained.golden.shape[1:]) < share) * rng.integers(1, 256, trained.golden.shape[1:]) for share in SHARES]
     worst = 0.0
-    for image in images:
-        with torch.inference_mode():
-            expected = model(image).numpy()
-        (found,) = session.run([OUTPUT], {INPUT: image.numpy()})
-        worst = max(worst, float(np.abs(found - expected).max()))
+    for image in [*trained.golden.numpy(), *(one.astype(np.uint8) for one in sparse)]:
+        worst = max(worst, float(np.abs(model.run(drawn(trained, image)) - answered(trained, image)).max()))
     if not worst <= PARITY:  # NaN too
-        raise EchogridError(f"{path}: differs from PyTorch by up to {worst:.2g} of log-odds, expected at most {PARITY:g}")
-    OnnxSensorModel(path, GridSpec())  # as the service takes it: contract and golden answers
+        raise EchogridError(f"{model.path}: differs from PyTorch by up to {worst:.2g} of logits, expected at most {PARITY:g}")
     return worst
+
+
+@torch.inference_mode()
+def answered(trained: Trained, image: Bytes) -> NDArray[np.float32]:
+    """(P, H, W): what PyTorch makes of all twelve planes (12, H, W), as the exported file would say it."""
+    alone = Samples.empty(1)
+    alone.images[0] = image
+    shown, _ = trained.recipe().shown(alone)
+    output = trained.model()(shown)
+    planes: NDArray[np.float32] = (output if trained.settings.network == "paper" else corrected(output)[0]).numpy()
+    return planes

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echogrid.core.messages import Floats
-from echogrid.core.occupancy import LogOdds
 from echogrid.core.raster import GridSpec, Image
 from echogrid.core.se2 import SE2
+from echogrid.core.tiled_map import LogOdds
 from echogrid_training.lidar import AZIMUTHS, bearings
 
 HIT, PASS, CLAMP = 2.0, -0.5, 6.0  # log-odds of one turn, and what the sum is kept within

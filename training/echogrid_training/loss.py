@@ -9,8 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Literal
 
+import numpy as np
 import torch
 from torch import Tensor
+
+from echogrid_training.logistic import fit_logistic
 
 Weighting = Literal["inverse", "independent"]
 CLASSES = {"free": -1, "unknown": 0, "occupied": 1}
@@ -45,9 +48,9 @@ def of_classes(label: Tensor) -> Iterator[Tensor]:
         yield sign == value
 
 
-def class_sums(logits: Tensor, label: Tensor) -> Tensor:
-    """(2, 3) float64: by class, the sum of (tanh(logits / 2) - label)² and the pixels it is of. Sums of batches add up."""
-    error = (torch.tanh(logits / 2) - label).square().double()
+def class_sums(answer: Tensor, label: Tensor) -> Tensor:
+    """(2, 3) float64: by class, the sum of (answer - label)², both in [-1, 1], and the pixels it is of. Sums of batches add up."""
+    error = (answer - label).square().double()
     sums = [torch.stack((error[member].sum(), member.sum(dtype=torch.float64))) for member in of_classes(label)]
     return torch.stack(sums, dim=1)
 
@@ -60,24 +63,13 @@ def class_mse(sums: Tensor) -> dict[str, float]:
     return dict(zip(CLASSES, (sums[0] / sums[1]).tolist(), strict=True))
 
 
-def calibrate(batches: Iterable[tuple[Tensor, Tensor]], steps: int = 50) -> tuple[float, float]:
+def calibrate(batches: Iterable[tuple[Tensor, Tensor]]) -> tuple[float, float]:
     """(a, b) so that a * logits + b are log-odds of occupied among the observed pixels, by greatest likelihood.
 
     `batches`: logits (B, H, W) and labels (B, H, W), from towns that the network has not learned from. A class-weighted loss tells occupied
     from free but shifts the odds by its weights; b undoes that, once per read-out and not once per look. (1, 0) where a class is missing.
     """
-    pairs = [(logits[label != 0].double(), (label[label != 0] > 0).double()) for logits, label in batches]
-    z, y = (torch.cat(part) for part in zip(*pairs, strict=True))
-    if not 0 < y.mean() < 1:
-        return 1.0, 0.0
-    features = torch.stack((z, torch.ones_like(z)))  # (2, N)
-    theta = torch.tensor((1.0, 0.0), dtype=torch.float64)
-    for _ in range(steps):  # Newton with a little ridge about (1, 0): finite even where logits tell the classes apart perfectly
-        p = torch.sigmoid(theta @ features)
-        slope = features @ (p - y) / len(y) + 1e-6 * (theta - torch.tensor((1.0, 0.0)))
-        curve = (features * (p * (1 - p))) @ features.T / len(y) + 1e-6 * torch.eye(2)
-        step = torch.linalg.solve(curve, slope)
-        theta = theta - step * min(1.0, 2.0 / float(step.abs().max().clamp(min=1e-12)))
-        if step.abs().max() < 1e-9:
-            break
-    return float(theta[0]), float(theta[1])
+    pairs = [(logits[label != 0].double().numpy(), (label[label != 0] > 0).numpy()) for logits, label in batches]
+    z, occupied = (np.concatenate(part) for part in zip(*pairs, strict=True))
+    a, b = fit_logistic(np.stack((z, np.ones_like(z))), occupied, np.array([1.0, 0.0]))
+    return float(a), float(b)

@@ -1,6 +1,6 @@
 """The paper's network: a DCGAN-like convolutional autoencoder from a radar image to log-odds of occupancy.
 
-echogrid-train fit --drives drives --out models/paper --weighting independent --epochs 30 --seed 1
+echogrid-train fit --drives drives --out models/paper --network paper --weighting independent --epochs 30 --seed 1
 """
 
 from __future__ import annotations
@@ -62,13 +62,6 @@ def decayed(model: nn.Module) -> tuple[list[nn.Parameter], list[nn.Parameter]]:
 def weight_count(model: nn.Module) -> int:
     """All that is learned."""
     return sum(weight.numel() for weight in model.parameters())
-
-
-def load_model(width: int, weights: dict[str, Tensor]) -> PaperAutoencoder:
-    """With learned weights, ready to infer."""
-    model = PaperAutoencoder(width)
-    model.load_state_dict(weights)
-    return model.eval().requires_grad_(False)
 
 
 def probe(seed: int, occupied: int, batch: int = 1) -> Tensor:

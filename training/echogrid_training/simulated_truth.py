@@ -10,6 +10,7 @@ import numpy as np
 from echogrid.core.messages import Floats
 from echogrid.core.se2 import SE2
 from echogrid_training.ground_truth import TruthMap
+from echogrid_training.lidar import BASE_FROM_LIDAR, bearings
 from echogrid_training.recording import LidarTurns, Stamps
 from echogrid_training.sources import load_npz
 
@@ -34,8 +35,22 @@ class SimulatedTruth:
 
     def lidar_at(self, stamp_ns: int) -> Floats:
         """(B,) m: the nearest turn in time."""
-        nearest: Floats = self.lidar.ranges[np.abs(self.lidar.stamp_ns - stamp_ns).argmin()]
+        nearest: Floats = self.lidar.ranges[self._turn(stamp_ns)]
         return nearest
+
+    def lidar_points(self, stamp_ns: int, truth_from_base: SE2) -> Floats:
+        """(N, 2) m: the returns of the nearest turn in time, in base at `truth_from_base`."""
+        turn = self._turn(stamp_ns)
+        ranges, there = self.lidar.ranges[turn], self.pose(int(self.lidar.stamp_ns[turn]))
+        if there is None:
+            return np.empty((0, 2))
+        back = np.isfinite(ranges)
+        lidar, ranges, bearing = there @ BASE_FROM_LIDAR, ranges[back], bearings()[back]
+        points = np.stack((lidar.x + ranges * np.cos(bearing), lidar.y + ranges * np.sin(bearing)), axis=1)
+        return truth_from_base.inverse().apply(points)
+
+    def _turn(self, stamp_ns: int) -> int:
+        return int(np.abs(self.lidar.stamp_ns - stamp_ns).argmin())
 
 
 def load_simulated_truth(path: Path) -> SimulatedTruth:

@@ -11,24 +11,29 @@ from __future__ import annotations
 import copy
 import json
 import math
+import pickle
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
+from torch.utils.tensorboard import SummaryWriter
 
 from echogrid.errors import EchogridError
-from echogrid_training.dataset import Samples, augment, soft, ternary
-from echogrid_training.loss import Weighting, calibrate, class_mse, class_sums, reconstruction_loss
-from echogrid_training.model import PaperAutoencoder, decayed, load_model
+from echogrid_training.dataset import Samples, soft, ternary
+from echogrid_training.loss import Weighting, calibrate, class_mse, class_sums
+from echogrid_training.model import decayed
+from echogrid_training.ranks import Ranks, joined_ranks
+from echogrid_training.recipe import Default, Kind, Network, Paper, Recipe, Sensor, shares
 from echogrid_training.recording import Track, untracked
 
 CHECKPOINT, LOG, MODEL = "checkpoint.pt", "log.jsonl", "model.pt"
 GOLDEN = 3  # held-out images that the exported model carries
+BOARD_STEPS = 20  # between two losses on TensorBoard
 LOOK = 512  # held-out samples that each epoch is judged by
 
 
@@ -36,13 +41,15 @@ LOOK = 512  # held-out samples that each epoch is judged by
 class Settings:
     """All that a run hangs on besides its samples. The defaults are for a GPU or a night; small() is for minutes on two cores."""
 
-    weighting: Weighting = "independent"
+    network: Network = "default"
+    weighting: Weighting = "independent"  # of classes, in the paper's loss
     epochs: int = 30
     seed: int = 0
-    width: int = 32
+    width: int = 32  # of the paper's network
     batch: int = 64
     per_epoch: int | None = None  # samples drawn anew for each epoch; None for all
-    labels: Literal["ternary", "soft"] = "ternary"  # -1, 0, 1 as the paper's classes are written, or tanh(L / 2)
+    sensor: Sensor = "radar"  # whose image the paper's network is shown
+    labels: Kind = "ternary"  # that the paper's loss compares with
     rate: float = 2e-3  # at the peak of the cycle
     warm: float = 0.1  # share of all steps until that peak
     decay: float = 1e-4  # the paper's L2, on convolutions alone
@@ -50,9 +57,9 @@ class Settings:
     average: float = 0.999  # how much of the weights' moving average each step keeps, once it is old enough
 
 
-def small(weighting: Weighting, seed: int, epochs: int = 8) -> Settings:
-    """A network in minutes: it shows whether training works, not how good it gets."""
-    return Settings(weighting, epochs, seed, width=16, batch=32, per_epoch=4096)
+def small(network: Network, weighting: Weighting, seed: int, epochs: int = 4) -> Settings:
+    """A network in five minutes on two cores: enough to rank variants, not to show how good they get."""
+    return Settings(network, weighting, epochs, seed, width=16, batch=32, per_epoch=4096)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,19 +70,32 @@ class Trained:
     weights: dict[str, Tensor]  # the moving average
     data_sha256: str
     calibration: tuple[float, float]  # a, b: a * logits + b are log-odds where something was observed
-    golden: list[list[int]]  # flat indices of the occupied cells of some held-out images
+    golden: Tensor  # (3, 12, 128, 128) bytes: some held-out images
+    shares: tuple[float, float, float]  # of free, unknown and occupied in what was learned from
 
-    def model(self) -> PaperAutoencoder:
-        return load_model(self.settings.width, self.weights)
+    def recipe(self) -> Recipe:
+        return recipe(self.settings, self.shares)
+
+    def model(self) -> nn.Module:
+        """With the learned weights, ready to infer."""
+        model = self.recipe().network()
+        model.load_state_dict(self.weights)
+        return model.eval().requires_grad_(False)
+
+
+def recipe(settings: Settings, of_classes: tuple[float, float, float]) -> Recipe:
+    if settings.network == "paper":
+        return Paper(settings.width, settings.weighting, settings.labels, settings.sensor)
+    return Default(of_classes)
 
 
 class Run:
     """What lives from step to step: the weights, their moving average, the optimiser, and how many epochs are done."""
 
-    def __init__(self, settings: Settings, device: torch.device) -> None:
+    def __init__(self, settings: Settings, recipe: Recipe, device: torch.device) -> None:
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(settings.seed)
-            model = PaperAutoencoder(settings.width)
+            model = recipe.network()
         self.model = model.to(device)
         for weight in self.model.parameters():
             if weight.dim() == 4:  # half as fast again on a CPU
@@ -116,23 +136,36 @@ def fit(
     Raises EchogridError where `out` holds another run, or this one and `resume` is not asked for.
     """
     data_sha256 = data_sha256 or learned.digest()
-    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    run = Run(settings, device)
+    with joined_ranks() as ranks:
+        return _fit(learned, held_out, settings, out, data_sha256, resume, track, ranks)
+
+
+def _fit(
+    learned: Samples, held_out: Samples, settings: Settings, out: Path, data_sha256: str, resume: bool, track: Track, ranks: Ranks
+) -> Trained:
+    of_classes = shares(learned.labels)
+    way = recipe(settings, of_classes)
+    run = Run(settings, way, ranks.device)
     out.mkdir(parents=True, exist_ok=True)
     what = asdict(settings) | {"data_sha256": data_sha256}
-    _take_up(run, what, out, resume)
+    _take_up(run, what, out, resume, ranks)
+    parallel = ranks.wrapped(run.model)
+    board = SummaryWriter(str(out)) if ranks.writes else None
     count = min(len(learned), settings.per_epoch or len(learned))
     size = min(settings.batch, count)
     per_epoch = count // size
     steps = settings.epochs * per_epoch
     for epoch in range(run.epoch, settings.epochs):
         began, total = time.monotonic(), 0.0
-        rng = np.random.default_rng((settings.seed, epoch))  # an epoch is the same whatever came before it
-        batches = rng.permutation(len(learned))[: per_epoch * size].reshape(per_epoch, size)
+        rng = np.random.default_rng((settings.seed, epoch, ranks.rank))  # an epoch is the same whatever came before it
+        order = np.random.default_rng((settings.seed, epoch)).permutation(len(learned))
+        batches = order[: per_epoch * size].reshape(per_epoch, size)
         run.model.train()
         for index, chosen in enumerate(track(batches, f"epoch {epoch + 1} of {settings.epochs}")):
-            image, label = _tensors(*augment(*learned.batch(chosen), rng), settings.labels, device)
-            loss = reconstruction_loss(run.model(image), label, settings.weighting)
+            image, label = (tensor.to(ranks.device) for tensor in way.shown(learned.chosen(ranks.share(chosen)), rng))
+            with torch.autocast(ranks.device.type, torch.bfloat16, enabled=ranks.device.type == "cuda"):
+                output = parallel(image)
+            loss = way.loss(output.float(), label)
             run.optimiser.zero_grad()
             torch.autograd.backward(loss)
             nn.utils.clip_grad_norm_(run.model.parameters(), settings.clip, error_if_nonfinite=True)
@@ -142,11 +175,18 @@ def fit(
             run.optimiser.step()
             follow(run.average, run.model, min(settings.average, (1 + step) / (10 + step)))
             total += loss.item()
+            if board is not None and step % BOARD_STEPS == 0:
+                board.add_scalar("loss", loss.item(), step)
         run.epoch = epoch + 1
-        line = {"epoch": run.epoch, "step": run.epoch * per_epoch, "loss": total / per_epoch, "seconds": time.monotonic() - began}
-        _note(out / LOG, line | {"held_out_mse": judge(run.average, thinned(held_out, LOOK))["ternary"]})
-        _save(out / CHECKPOINT, {"what": what, "run": run.state()})
-    return _finish(run, settings, data_sha256, held_out if len(held_out) else learned, out)
+        if board is not None:
+            errors = judge(way, run.average, thinned(held_out, LOOK))["ternary"]
+            line = {"epoch": run.epoch, "step": run.epoch * per_epoch, "loss": total / per_epoch, "seconds": time.monotonic() - began}
+            _note(out / LOG, line | {"held_out_mse": errors})
+            board.add_scalars("held-out class MSE", errors, run.epoch * per_epoch)
+            _save(out / CHECKPOINT, {"what": what, "run": run.state()})
+    if board is not None:
+        board.close()
+    return _finish(run, way, of_classes, settings, data_sha256, held_out if len(held_out) else learned, out if ranks.writes else None)
 
 
 def rate_at(step: int, steps: int, settings: Settings) -> float:
@@ -167,45 +207,42 @@ def follow(average: nn.Module, model: nn.Module, keep: float) -> None:
             slow.copy_(fast)  # how many batches were seen
 
 
-def judge(model: nn.Module, samples: Samples) -> dict[str, dict[str, float]]:
+def judge(recipe: Recipe, model: nn.Module, samples: Samples) -> dict[str, dict[str, float]]:
     """Class MSE, pooled over all pixels: 'ternary' against labels -1, 0 and 1 as in the paper's Table I, 'soft' against tanh(L / 2)."""
     sums = {"ternary": torch.zeros(2, 3, dtype=torch.float64), "soft": torch.zeros(2, 3, dtype=torch.float64)}
-    for logits, labels in inferred(model, samples):
+    for output, labels in inferred(recipe, model, samples):
+        answer = recipe.label(output)
         for name, label in (("ternary", ternary(labels)), ("soft", soft(labels))):
-            sums[name] += class_sums(logits, torch.from_numpy(label))
+            sums[name] += class_sums(answer, torch.from_numpy(label))
     return {name: class_mse(total) for name, total in sums.items()}
 
 
 @torch.inference_mode()
-def inferred(model: nn.Module, samples: Samples, size: int = 64) -> Iterator[tuple[Tensor, np.ndarray]]:
-    """Logits (n, 128, 128) and stored labels (n, 128, 128) of all samples, in order."""
+def inferred(recipe: Recipe, model: nn.Module, samples: Samples, size: int = 64) -> Iterator[tuple[Tensor, np.ndarray]]:
+    """Outputs and stored labels (n, 128, 128) of all samples, in order."""
     model.eval()
     device = next(model.parameters()).device
     for start in range(0, len(samples), size):
-        images, labels = samples.batch(np.arange(start, min(start + size, len(samples))))
-        yield model(torch.from_numpy(images).to(device, torch.float32)[:, None]).float().cpu(), labels
+        some = samples.chosen(np.arange(start, min(start + size, len(samples))))
+        image, _ = recipe.shown(some)
+        yield model(image.to(device)).float().cpu(), some.labels
 
 
 def thinned(samples: Samples, count: int) -> Samples:
     """At most `count` of them, evenly spread."""
-    chosen = np.unique(np.linspace(0, max(len(samples) - 1, 0), min(count, len(samples))).astype(np.intp))
-    return Samples(samples.images[chosen], samples.labels[chosen])
+    return samples.chosen(np.unique(np.linspace(0, max(len(samples) - 1, 0), min(count, len(samples))).astype(np.intp)))
 
 
-def _tensors(images: np.ndarray, labels: np.ndarray, kind: str, device: torch.device) -> tuple[Tensor, Tensor]:
-    """Images (B, 1, H, W) in [-1, 1] and labels (B, H, W) in [-1, 1]."""
-    label = ternary(labels) if kind == "ternary" else soft(labels)
-    return torch.from_numpy(images).to(device, torch.float32)[:, None], torch.from_numpy(label).to(device)
-
-
-def _finish(run: Run, settings: Settings, data_sha256: str, held_out: Samples, out: Path) -> Trained:
+def _finish(
+    run: Run, way: Recipe, of_classes: tuple[float, float, float], settings: Settings, data_sha256: str, held_out: Samples, out: Path | None
+) -> Trained:
     some = thinned(held_out, LOOK)
-    calibration = calibrate((logits, torch.from_numpy(ternary(labels))) for logits, labels in inferred(run.average, some))
-    images, _ = some.batch(np.linspace(0, len(some) - 1, GOLDEN + 2)[1:-1].astype(np.intp))
-    golden = [np.flatnonzero(image > 0).tolist() for image in images]
+    answers = ((way.log_odds(output), torch.from_numpy(ternary(labels))) for output, labels in inferred(way, run.average, some))
+    golden = torch.from_numpy(some.images[np.linspace(0, len(some) - 1, GOLDEN + 2)[1:-1].astype(np.intp)])
     weights = {name: value.cpu().contiguous() for name, value in run.average.state_dict().items()}
-    trained = Trained(settings, weights, data_sha256, calibration, golden)
-    _save(out / MODEL, {name: getattr(trained, name) for name in Trained.__dataclass_fields__} | {"settings": asdict(settings)})
+    trained = Trained(settings, weights, data_sha256, calibrate(answers), golden, of_classes)
+    if out is not None:
+        _save(out / MODEL, {name: getattr(trained, name) for name in Trained.__dataclass_fields__} | {"settings": asdict(settings)})
     return trained
 
 
@@ -218,7 +255,7 @@ def load_trained(path: Path) -> Trained:
         raise EchogridError(f"{path}: is not a model that echogrid-train fit wrote: {error}") from error
 
 
-def _take_up(run: Run, what: dict[str, Any], out: Path, resume: bool) -> None:
+def _take_up(run: Run, what: dict[str, Any], out: Path, resume: bool, ranks: Ranks) -> None:
     """Goes on where the checkpoint in `out` was, if there is one."""
     path = out / CHECKPOINT
     if path.exists() and not resume:
@@ -229,6 +266,8 @@ def _take_up(run: Run, what: dict[str, Any], out: Path, resume: bool) -> None:
             if held["what"].get(key) != value:
                 raise EchogridError(f"{path}: is of a run with {key} {held['what'].get(key)}, expected {value}: give another folder")
         run.restore(held["run"])
+    if not ranks.writes:
+        return
     lines = (out / LOG).read_text("utf-8").splitlines() if run.epoch else []
     (out / LOG).write_text("".join(f"{line}\n" for line in lines[: run.epoch]), "utf-8")  # a kill may have come before the checkpoint
 
@@ -250,6 +289,6 @@ def _load(path: Path) -> dict[str, Any]:
         held: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
     except OSError as error:
         raise EchogridError(f"{path}: cannot be read: {error.strerror}") from error
-    except (RuntimeError, ValueError, EOFError, KeyError) as error:
+    except (RuntimeError, ValueError, EOFError, KeyError, pickle.UnpicklingError) as error:
         raise EchogridError(f"{path}: is not a file of PyTorch: {error}") from error
     return held

@@ -6,17 +6,17 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from echogrid.core.health import Health
+from echogrid.core.history import Detections, History, Looks, Surroundings
 from echogrid.core.messages import EgoMotion, Floats, RadarScan
 from echogrid.core.mount import Mount
-from echogrid.core.occupancy import OccupancyMap
 from echogrid.core.odometry import EgoState, Odometry
-from echogrid.core.raster import Image, rasterize
-from echogrid.core.static_gate import GateNoise, beside_movers, is_static
+from echogrid.core.raster import Image
+from echogrid.core.static_gate import GateNoise, beside_movers, deviation
+from echogrid.core.tiled_map import TiledMap
 
-InverseSensorModel = Callable[[Image], Image]  # (C, H, W) -> (H, W) log-odds
+Infer = Callable[[Surroundings], Image]  # what one update says about the cells around the car, as the map's `integrate` takes it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,8 +37,8 @@ class Mapper:
     def __init__(
         self,
         mounts: Mapping[str, Mount],
-        infer: InverseSensorModel,
-        occupancy: OccupancyMap,
+        infer: Infer,
+        occupancy: TiledMap,
         health: Health,
         noise: GateNoise,
         cycle_ns: int,
@@ -52,6 +52,7 @@ class Mapper:
         self.cycle_ns = cycle_ns
         self.max_age_ns = max_age_ns
         self.odometry = Odometry()
+        self.history = History()
         self.pending: list[RadarScan] = []
         self.newest_ns: dict[str, int] = {}  # stamp of each sensor's newest scan
         self.cycle_end_ns: int | None = None
@@ -79,21 +80,22 @@ class Mapper:
         return self.end_cycle()
 
     def end_cycle(self) -> MapUpdate | None:
-        """Predict, gate, rasterise, infer, integrate: what the pending scans say goes into the map."""
+        """Predict, gate, remember, infer, integrate: what the pending scans say goes into the map, if it takes an update from here."""
         placed = self._place(self.pending)
         self.pending = []
         if not placed:
             return None
         ego = max((ego for _, ego in placed), key=lambda ego: ego.stamp_ns)
-        points, static = self._detections(placed, ego)
-        points = points[static & ~beside_movers(points, ~static, self.noise)]
-        image = rasterize(points, self.map.spec)
-        logits = self.infer(image)
-        self.map.integrate(logits, ego.odom_from_base)
+        found = self._detections(placed, ego)
+        standing = found.deviation <= self.noise.sigmas
+        static = found.chosen(standing & ~beside_movers(found.points, ~standing, self.noise))
         self.health.cycles += 1
-        self.health.static_detections += len(points)
-        self.health.tiles_forgotten = self.map.forgotten
-        return MapUpdate(ego, points)
+        self.health.static_detections += len(static)
+        if self.map.takes(ego.odom_from_base):
+            self.history.add(static, self._looks(placed, ego), ego.odom_from_base, self.odometry.distance)
+            self.map.integrate(self.infer(self.history.surroundings(ego.odom_from_base, self._live(ego.stamp_ns))), ego.odom_from_base)
+            self.health.tiles_forgotten = self.map.forgotten
+        return MapUpdate(ego, static.points)
 
     def _place(self, scans: list[RadarScan]) -> list[tuple[RadarScan, EgoState]]:
         """The scans with where the car was when each was measured; those without are counted."""
@@ -102,18 +104,28 @@ class Mapper:
         self.health.scans_without_pose += len(scans) - len(placed)
         return placed
 
-    def _detections(self, placed: list[tuple[RadarScan, EgoState]], now: EgoState) -> tuple[Floats, NDArray[np.bool_]]:
-        """All detections within their radars' range, (N, 2) in base at `now`, and which are static by their range rate, (N,).
+    def _detections(self, placed: list[tuple[RadarScan, EgoState]], now: EgoState) -> Detections:
+        """All detections within their radars' range, moving ones too, in base at `now`.
 
         Each is carried to `now` from where the car was when it was measured.
         """
-        points, static = [], []
+        parts = []
         for scan, then in placed:
             mount = self.mounts[scan.sensor]
             near = scan.range <= mount.max_range
             range_, azimuth, range_rate = scan.range[near], scan.azimuth[near], scan.range_rate[near]
             in_sensor = np.stack((range_ * np.cos(azimuth), range_ * np.sin(azimuth)), axis=1)
-            now_from_then = now.odom_from_base.inverse() @ then.odom_from_base
-            points.append((now_from_then @ mount.base_from_sensor).apply(in_sensor))
-            static.append(is_static(azimuth, range_rate, scan.ambiguity, mount, then.speed, then.yaw_rate, self.noise))
-        return np.concatenate(points), np.concatenate(static)
+            now_from_sensor = now.odom_from_base.inverse() @ then.odom_from_base @ mount.base_from_sensor
+            origins = np.broadcast_to((now_from_sensor.x, now_from_sensor.y), in_sensor.shape)
+            sigmas = deviation(azimuth, range_rate, scan.ambiguity, mount, then.speed, then.yaw_rate, self.noise)
+            parts.append(Detections(now_from_sensor.apply(in_sensor), origins, scan.rcs[near], sigmas))
+        return Detections.joined(parts)
+
+    def _looks(self, placed: list[tuple[RadarScan, EgoState]], now: EgoState) -> Looks:
+        """From where the scans were measured, in base at `now`."""
+        base_from_odom = now.odom_from_base.inverse()
+        return Looks.of([self.mounts[scan.sensor] for scan, _ in placed], [base_from_odom @ then.odom_from_base for _, then in placed])
+
+    def _live(self, now_ns: int) -> list[str]:
+        """Radars with a scan that is not older than `max_age_ns`."""
+        return [name for name, stamp_ns in self.newest_ns.items() if now_ns - stamp_ns <= self.max_age_ns]

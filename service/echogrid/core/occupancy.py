@@ -1,133 +1,39 @@
-"""The map: log-odds in tiles, without end, each patch added where the car was (Eq. 1 of the paper)."""
+"""The paper's map: each patch of log-odds added where the car was (its Eq. 1)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
-from numpy.typing import NDArray
 
 from echogrid.core.raster import GridSpec, Image
 from echogrid.core.se2 import SE2
-
-TILE = 128  # cells along a tile's side
-LogOdds = NDArray[np.float32]
+from echogrid.core.tiled_map import Layers, LogOdds, TiledMap, resample
 
 
-def probability(log_odds: LogOdds) -> LogOdds:
-    """p(occupied) of log-odds."""
-    p: LogOdds = 0.5 + 0.5 * np.tanh(0.5 * log_odds)  # exp would overflow far from 0
-    return p
+class OccupancyMap(TiledMap):
+    """One layer, the sum of log-odds. A cell whose evidence cancels exactly is kept as the smallest positive number."""
 
-
-class OccupancyMap:
-    """Log-odds in `odom`, held in TILE x TILE tiles by tile column and row; cell (i, j) covers y in [i, i+1) and x in [j, j+1) cells.
-
-    `tiles` is changed in place by `integrate`. 0 means never seen: a cell whose evidence cancels exactly is kept as the smallest
-    positive number. At most `max_tiles` are kept; beyond, the one farthest from the car is forgotten and counted in `forgotten`.
-    """
+    layers = 1
 
     def __init__(self, spec: GridSpec, clamp: float = 3.5, max_tiles: int = 4096) -> None:
-        self.spec = spec
+        super().__init__(spec, max_tiles)
         self.clamp = clamp
-        self.max_tiles = max_tiles
-        self.forgotten = 0
-        self.tiles: dict[tuple[int, int], LogOdds] = {}
 
-    def integrate(self, logits: Image, odom_from_base: SE2) -> None:
+    def takes(self, odom_from_base: SE2) -> bool:
+        return True
+
+    def integrate(self, said: Image, odom_from_base: SE2) -> None:
         """Adds a patch (H, W) of log-odds around the car: logit(m|z_0:t) = logit(m|z_t) + logit(m|z_0:t-1), then clamps."""
-        row, column, patch = self._resample(logits, odom_from_base)
-        height, width = patch.shape
-        for tile, inside, piece in self._pieces(row, column, height, width, create=True):
-            added = patch[piece]
-            seen = added != 0
-            total = np.clip(tile[inside] + added, -self.clamp, self.clamp)
-            tile[inside] = np.where(seen & (total == 0), np.finfo(np.float32).tiny, total)
+        row, column, (patch,) = resample(said[None], odom_from_base, self.spec)
+        for tile, inside, piece in self._pieces(row, column, *patch.shape, create=True):
+            add_clamped(tile[0], inside, patch[piece], self.clamp)
         self._forget(odom_from_base)
 
-    def window(self, row: int, column: int, height: int, width: int) -> LogOdds:
-        """Log-odds (height, width) of the cells from (row, column) on; 0 where nothing was ever seen."""
-        out = np.zeros((height, width), dtype=np.float32)
-        for tile, inside, piece in self._pieces(row, column, height, width, create=False):
-            out[piece] = tile[inside]
-        return out
-
-    def around(self, pose: SE2, cells: int) -> tuple[int, int, LogOdds]:
-        """The window of cells x cells around a pose: row, column of its first cell, log-odds."""
-        row = int(np.floor(pose.y / self.spec.cell)) - cells // 2
-        column = int(np.floor(pose.x / self.spec.cell)) - cells // 2
-        return row, column, self.window(row, column, cells, cells)
-
-    def whole(self) -> tuple[int, int, LogOdds]:
-        """All that was seen, without empty borders: row, column of the first cell, log-odds. (0, 0, shape (0, 0)) for an empty map."""
-        if not self.tiles:
-            return 0, 0, np.zeros((0, 0), dtype=np.float32)
-        rows = [row for row, _ in self.tiles]
-        columns = [column for _, column in self.tiles]
-        first_row, first_column = min(rows) * TILE, min(columns) * TILE
-        everything = self.window(first_row, first_column, (max(rows) + 1) * TILE - first_row, (max(columns) + 1) * TILE - first_column)
-        seen_rows = np.flatnonzero(everything.any(axis=1))
-        seen_columns = np.flatnonzero(everything.any(axis=0))
-        if not len(seen_rows):
-            return 0, 0, np.zeros((0, 0), dtype=np.float32)
-        top, left = int(seen_rows[0]), int(seen_columns[0])
-        cut = everything[top : seen_rows[-1] + 1, left : seen_columns[-1] + 1]
-        return first_row + top, first_column + left, np.ascontiguousarray(cut)
-
-    def _resample(self, logits: Image, odom_from_base: SE2) -> tuple[int, int, Image]:
-        """The patch on the map's cells: first row, first column, log-odds, each map cell reading the patch at its own centre.
-
-        Bilinear, so that a turn neither doubles nor loses evidence; outside the patch is 0.
-        """
-        cell, half = self.spec.cell, self.spec.half
-        reach = (half + cell / 2) * (abs(np.cos(odom_from_base.yaw)) + abs(np.sin(odom_from_base.yaw)))
-        column = int(np.floor((odom_from_base.x - reach) / cell))
-        row = int(np.floor((odom_from_base.y - reach) / cell))
-        size = int(np.ceil(2 * reach / cell)) + 1
-        c, s = np.cos(odom_from_base.yaw), np.sin(odom_from_base.yaw)
-        # From the car, in cells: small enough for float32, which halves the time.
-        dx = (((column + np.arange(size) + 0.5) * cell - odom_from_base.x) / cell).astype(np.float32)
-        dy = (((row + np.arange(size) + 0.5) * cell - odom_from_base.y) / cell).astype(np.float32)[:, None]
-        # Patch coordinates in cells, shifted by the half cell to the centres and by the border of one zero cell.
-        c, s, shift = np.float32(c), np.float32(s), np.float32(half / cell + 0.5)
-        u = c * dx + s * dy + shift
-        v = c * dy - s * dx + shift
-        padded = np.pad(logits, 1)
-        limit = self.spec.cells  # padded has cells + 2 entries: 0 … cells + 1
-        outside = (u < 0) | (v < 0) | (u >= limit + 1) | (v >= limit + 1)
-        u0, v0 = np.floor(u), np.floor(v)
-        fu, fv = u - u0, v - v0
-        flat = np.where(outside, 0, v0 * (limit + 2) + u0).astype(np.intp)
-        values = padded.reshape(-1)
-        below = values[flat] * (1 - fu) + values[flat + 1] * fu
-        above = values[flat + limit + 2] * (1 - fu) + values[flat + limit + 3] * fu
-        return row, column, np.where(outside, np.float32(0), below * (1 - fv) + above * fv)
-
-    def _pieces(
-        self, row: int, column: int, height: int, width: int, *, create: bool
-    ) -> Iterator[tuple[LogOdds, tuple[slice, slice], tuple[slice, slice]]]:
-        """The tiles under a rectangle: each tile, the part of the tile, the part of the rectangle."""
-        for tile_row in range(row // TILE, (row + height - 1) // TILE + 1):
-            for tile_column in range(column // TILE, (column + width - 1) // TILE + 1):
-                tile = self.tiles.get((tile_row, tile_column))
-                if tile is None:
-                    if not create:
-                        continue
-                    tile = self.tiles[tile_row, tile_column] = np.zeros((TILE, TILE), dtype=np.float32)
-                rows = _overlap(tile_row, row, height)
-                columns = _overlap(tile_column, column, width)
-                yield tile, (rows[0], columns[0]), (rows[1], columns[1])
-
-    def _forget(self, odom_from_base: SE2) -> None:
-        while len(self.tiles) > self.max_tiles:
-            side = TILE * self.spec.cell
-            here = (odom_from_base.y / side - 0.5, odom_from_base.x / side - 0.5)
-            farthest = max(self.tiles, key=lambda tile: np.hypot(tile[0] - here[0], tile[1] - here[1]))
-            del self.tiles[farthest]
-            self.forgotten += 1
+    def read(self, layers: Layers) -> LogOdds:
+        (log_odds,) = layers
+        return np.asarray(log_odds)
 
 
-def _overlap(tile: int, first: int, length: int) -> tuple[slice, slice]:
-    """Along one axis: the slice of the tile and the slice of the rectangle [first, first + length) that cover each other."""
-    start, stop = max(tile * TILE, first), min((tile + 1) * TILE, first + length)
-    return slice(start - tile * TILE, stop - tile * TILE), slice(start - first, stop - first)
+def add_clamped(layer: LogOdds, where: tuple[slice, slice], added: LogOdds, clamp: float) -> None:
+    """Adds log-odds in place, within +-clamp; 0 stays for what was never seen."""
+    total = np.clip(layer[where] + added, -clamp, clamp)
+    layer[where] = np.where((added != 0) & (total == 0), np.finfo(np.float32).tiny, total)

@@ -49,7 +49,7 @@ def fold(residual: Floats, ambiguity: float) -> Floats:
     return residual - ambiguity * np.round(residual / ambiguity)
 
 
-def is_static(
+def deviation(
     azimuth: Floats,
     range_rate: Floats,
     ambiguity: float,
@@ -57,16 +57,16 @@ def is_static(
     speed: float,
     yaw_rate: float,
     noise: GateNoise,
-) -> NDArray[np.bool_]:
-    """(N,) True where the range rate is that of a standing point within `noise.sigmas`.
+) -> Floats:
+    """(N,) how many sigmas the range rate is off a standing point's: static is what has at most `noise.sigmas`.
 
-    The threshold grows with what an azimuth error does to the prediction: little ahead, most abeam.
+    A sigma grows with what an azimuth error does to the prediction: little ahead, most abeam.
     """
     predicted, by_azimuth = static_range_rate(azimuth, mount, speed, yaw_rate)
     lever = np.hypot(mount.base_from_sensor.x, mount.base_from_sensor.y)
     variance = noise.range_rate**2 + (by_azimuth * noise.azimuth) ** 2 + (predicted * noise.speed) ** 2 + (lever * noise.yaw_rate) ** 2
-    inside: NDArray[np.bool_] = fold(range_rate - predicted, ambiguity) ** 2 <= noise.sigmas**2 * variance
-    return inside
+    sigmas: Floats = np.abs(fold(range_rate - predicted, ambiguity)) / np.sqrt(variance)
+    return sigmas
 
 
 def beside_movers(points: Floats, moving: NDArray[np.bool_], noise: GateNoise) -> NDArray[np.bool_]:

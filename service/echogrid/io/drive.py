@@ -9,16 +9,21 @@ import numpy as np
 
 from echogrid.core.messages import Floats
 from echogrid.errors import EchogridError
+from echogrid.io.picture import Panel
 
 LOGS = ("can.log.gz", "can.log", "can.blf", "can.asc", "can.mf4", "can.trc")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """True poses of base, from the first one on: stamp_ns (N,) int64, poses (N, 3) x, y (m) and yaw (rad)."""
+    """True poses of base, from the first one on: stamp_ns (N,) int64, poses (N, 3) x, y (m) and yaw (rad).
+
+    `map` is the true map of a simulated drive, in the frame of the first pose; None where it is not known.
+    """
 
     stamp_ns: np.ndarray
     poses: Floats
+    map: Panel | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +55,11 @@ def load_truth(path: Path) -> Truth | None:
         return None
     try:
         with np.load(path, allow_pickle=False) as file:
-            return Truth(file["stamp_ns"].astype(np.int64), np.stack([file[key] for key in ("x", "y", "yaw")], axis=1).astype(float))
+            poses = np.stack([file[key] for key in ("x", "y", "yaw")], axis=1).astype(float)
+            known = None
+            if "log_odds" in file:
+                x, y = file["origin"].tolist()
+                known = Panel("truth", file["log_odds"], (x, y))
+            return Truth(file["stamp_ns"].astype(np.int64), poses, known)
     except (OSError, ValueError, KeyError) as error:
         raise EchogridError(f"{path}: is no truth file with the arrays stamp_ns, x, y and yaw: {error}") from error

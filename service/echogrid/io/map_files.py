@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from echogrid.core.occupancy import LogOdds, OccupancyMap, probability
 from echogrid.core.odometry import EgoState
+from echogrid.core.tiled_map import LogOdds, TiledMap, probability
 from echogrid.io.picture import draw
 
 # ROS map_server, trinary: grey levels and the probabilities beyond which a cell counts as occupied or free.
@@ -19,7 +19,7 @@ OCCUPIED, FREE, UNKNOWN = 0, 254, 205
 OCCUPIED_ABOVE, FREE_BELOW = 0.65, 0.196
 
 
-def write_map(folder: Path, occupancy: OccupancyMap, trajectory: Sequence[EgoState]) -> str:
+def write_map(folder: Path, occupancy: TiledMap, trajectory: Sequence[EgoState]) -> str:
     """Writes map.npz, map.pgm, map.yaml, map.png and trajectory.csv; returns the map's SHA-256."""
     row, column, log_odds = occupancy.whole()
     cell = occupancy.spec.cell

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from echogrid.core.messages import Floats
-from echogrid.core.occupancy import LogOdds, probability
+from echogrid.core.tiled_map import LogOdds, probability
 
 UNKNOWN = (184, 192, 202)
 DRIVEN = (226, 88, 34)
 INK = (40, 44, 52)
 LONGEST = 1600  # pixels
+GAP, TITLE = 8, 40  # pixels around a panel and above it
 
 
 def shade(log_odds: LogOdds) -> NDArray[np.uint8]:
@@ -41,6 +45,44 @@ def draw(log_odds: LogOdds, origin: tuple[float, float], cell: float, driven: Fl
         pen.rectangle((left, bottom - 4, left + bar, bottom), fill=INK)
         pen.text((left, bottom - 26), "10 m", fill=INK, font=ImageFont.load_default(size=16))
     return image
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Panel:
+    """A map with a title; `origin` is (x, y) in m of the corner of cell [0, 0], a multiple of the cell's size."""
+
+    title: str
+    log_odds: LogOdds
+    origin: tuple[float, float]
+
+    def cut(self, origin: tuple[float, float], shape: tuple[int, ...], cell: float) -> LogOdds:
+        """The map on another rectangle of cells; 0 where it has none."""
+        out = np.zeros(shape, dtype=np.float32)
+        column, row = (round((mine - theirs) / cell) for mine, theirs in zip(self.origin, origin, strict=True))
+        height, width = self.log_odds.shape
+        top, left = max(row, 0), max(column, 0)
+        bottom, right = min(row + height, shape[0]), min(column + width, shape[1])
+        if bottom > top and right > left:
+            out[top:bottom, left:right] = self.log_odds[top - row : bottom - row, left - column : right - column]
+        return out
+
+
+def side_by_side(panels: Sequence[Panel], cell: float, driven: Floats) -> Image.Image:
+    """The panels two in a row, all on the last one's rectangle, y up."""
+    last = panels[-1]
+    pictures = []
+    for panel in panels:
+        picture = draw(panel.cut(last.origin, last.log_odds.shape, cell), last.origin, cell, driven)
+        framed = Image.new("RGB", (picture.width + 2 * GAP, picture.height + 2 * GAP + TITLE), (255, 255, 255))
+        framed.paste(picture, (GAP, GAP + TITLE))
+        ImageDraw.Draw(framed).text((GAP, GAP), panel.title, fill=INK, font=ImageFont.load_default(size=28))
+        pictures.append(framed)
+    width, height = pictures[0].size
+    rows = -(-len(pictures) // 2)
+    sheet = Image.new("RGB", (2 * width, rows * height), (255, 255, 255))
+    for number, picture in enumerate(pictures):
+        sheet.paste(picture, (number % 2 * width, number // 2 * height))
+    return sheet
 
 
 def text(log_odds: LogOdds, columns: int) -> str:

@@ -17,8 +17,8 @@ import zenoh.ext
 from numpy.typing import NDArray
 
 from echogrid import config
-from echogrid.core.occupancy import LogOdds
 from echogrid.core.odometry import EgoState
+from echogrid.core.tiled_map import LogOdds
 from echogrid.errors import EchogridError
 from echogrid.io import cdr
 

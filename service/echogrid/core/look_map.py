@@ -1,0 +1,81 @@
+"""The default map: what a network said is averaged over looks, beside a layer of plain geometry; both are read out together.
+
+A learned model says its prior anew each time it is asked. Summed as if the answers were independent (Eq. 1 of the paper), they saturate;
+their mean does not. Reason and figures: docs/fusion.md.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from echogrid.core.occupancy import add_clamped
+from echogrid.core.raster import GridSpec, Image
+from echogrid.core.se2 import SE2
+from echogrid.core.tiled_map import Layers, LogOdds, TiledMap, resample
+
+STEP, TURN = 0.5, math.radians(3.0)  # m and rad of ego motion after which a new look begins
+UPDATES = 4  # of a look that count; a standing car learns nothing new
+MOST_LOOKS = 20.0  # the mean forgets what is older
+KNOWN = 0.3  # how much of its looks a network must hold a cell for observable before it is told of
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """log-odds = learned * (mean of the network's log-odds) + geometric * (sum of the geometry's log-odds) + offset."""
+
+    learned: float = 1.0
+    geometric: float = 0.0
+    offset: float = 0.0
+
+
+class LookMap(TiledMap):
+    """Layers: the weighted sum of the network's log-odds, its weights, the looks (all three as they fade), and the geometry's log-odds."""
+
+    layers = 4
+
+    def __init__(self, spec: GridSpec, calibration: Calibration, clamp: float = 3.5, max_tiles: int = 4096) -> None:
+        super().__init__(spec, max_tiles)
+        self.calibration = calibration
+        self.clamp = clamp
+        self._begun: SE2 | None = None  # pose of the running look's first update
+        self._updates = 0  # of the running look
+
+    def takes(self, odom_from_base: SE2) -> bool:
+        """True for the first UPDATES updates after every STEP of way or TURN."""
+        begun = self._begun
+        if (
+            begun is None
+            or math.hypot(odom_from_base.x - begun.x, odom_from_base.y - begun.y) >= STEP
+            or abs(odom_from_base.yaw - begun.yaw) >= TURN
+        ):
+            self._begun, self._updates = odom_from_base, 0
+        self._updates += 1
+        return self._updates <= UPDATES
+
+    def integrate(self, said: Image, odom_from_base: SE2) -> None:
+        """Adds (3, H, W): the network's log-odds, the weight of its answer (0 … 1), and the geometry's log-odds.
+
+        An update is 1 / UPDATES of a look, so that a slow car's looks count no more than a fast one's.
+        """
+        log_odds, weight, geometric = said
+        look = np.full_like(weight, 1.0 / UPDATES)
+        planes = np.stack((log_odds * weight * look, weight * look, look, geometric))
+        row, column, patch = resample(planes, odom_from_base, self.spec)
+        for tile, inside, piece in self._pieces(row, column, *patch.shape[1:], create=True):
+            mean = tile[:3, *inside]
+            mean += patch[:3, *piece]
+            mean *= np.minimum(1.0, MOST_LOOKS / np.maximum(mean[2], 1.0))  # forgets evenly once there are more
+            add_clamped(tile[3], inside, patch[3, *piece], self.clamp)
+        self._forget(odom_from_base)
+
+    def read(self, layers: Layers) -> LogOdds:
+        total, weight, looks, geometric = layers
+        known = (weight >= KNOWN * looks) & (looks > 0) | (geometric != 0)
+        mean = total / np.maximum(weight, np.float32(1e-6))
+        of = self.calibration
+        log_odds = np.float32(of.learned) * mean + np.float32(of.geometric) * geometric + np.float32(of.offset)
+        log_odds[log_odds == 0] = np.finfo(np.float32).tiny
+        return np.where(known, log_odds, np.float32(0))

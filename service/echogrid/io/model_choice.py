@@ -1,0 +1,74 @@
+"""Which inverse sensor model runs: of a shipped network the file that is fastest and right on this machine."""
+
+from __future__ import annotations
+
+import platform
+import statistics
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+
+from echogrid.core.history_raster import CHANNELS
+from echogrid.core.mount import Mount
+from echogrid.core.raster import GridSpec
+from echogrid.errors import EchogridError
+from echogrid.io.model import PAPER, OnnxSensorModel
+
+SHIPPED = ("default", "paper")
+ARM = ("aarch64", "arm64", "armv7l", "armv8l")
+RUNS = 9  # that a file is timed by
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Choice:
+    """A model, and why it is this file: one sentence for log and status."""
+
+    model: OnnxSensorModel
+    why: str
+
+
+def choose(name: str, spec: GridSpec, mounts: Mapping[str, Mount]) -> Choice:
+    """`name` is one of SHIPPED or the path of a file. Raises EchogridError where none of the files is sound."""
+    if name not in SHIPPED:
+        return Choice(OnnxSensorModel(Path(name), spec, mounts), f"{Path(name).name}, as configured")
+    return choose_file(shipped(name), spec, mounts)
+
+
+def shipped(name: str) -> list[Path]:
+    """Files of a shipped network for this machine: int8 first, where there is one."""
+    folder = Path(str(files("echogrid") / "models"))
+    int8 = folder / f"{name}.{'arm' if platform.machine().lower() in ARM else 'x86'}.onnx"
+    return [*([int8] if int8.exists() else []), folder / f"{name}.onnx"]
+
+
+def choose_file(paths: list[Path], spec: GridSpec, mounts: Mapping[str, Mount]) -> Choice:
+    """The fastest of the files that give their golden answers on this machine."""
+    sound: list[OnnxSensorModel] = []
+    wrong: list[EchogridError] = []
+    for path in paths:
+        try:
+            sound.append(OnnxSensorModel(path, spec, mounts))
+        except EchogridError as error:
+            wrong.append(error)
+    if not sound:
+        raise wrong[-1]
+    times = measure(sound)
+    best = sound[int(np.argmin(times))]
+    said = [f"{model.path.name} {seconds * 1e3:.1f} ms" for model, seconds in zip(sound, times, strict=True)]
+    return Choice(best, f"{best.path.name}, the fastest here: {', '.join(said)}" + "".join(f"; {error}" for error in wrong))
+
+
+def measure(models: list[OnnxSensorModel]) -> list[float]:
+    """Median seconds of a run of each, in turns, so that what else the machine does strikes all alike."""
+    times: list[list[float]] = [[] for _ in models]
+    images = [np.zeros((len(PAPER if m.contract.channels == PAPER else CHANNELS), m.spec.cells, m.spec.cells), np.uint8) for m in models]
+    for _ in range(RUNS):
+        for model, image, spent in zip(models, images, times, strict=True):
+            began = time.perf_counter()
+            model.run(image)
+            spent.append(time.perf_counter() - began)
+    return [statistics.median(spent) for spent in times]

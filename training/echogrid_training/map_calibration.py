@@ -1,0 +1,33 @@
+"""How the two layers of the default map are read out together: fitted on towns of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from echogrid.core.look_map import Calibration
+from echogrid_training.local_map import local_maps
+from echogrid_training.logistic import fit_logistic
+from echogrid_training.recording import Track, untracked
+
+LEAST_WEIGHT = 0.05  # of a look: what a network hardly holds for observable says nothing to calibrate by
+
+
+def calibrate_map(drives: Sequence[Path], model: Path, track: Track = untracked) -> Calibration:
+    """Of a network's file, by greatest likelihood over all cells that truth and map know, along simulated drives it has not learned from.
+
+    Raises EchogridError.
+    """
+    means, sums, occupied = [], [], []
+    for drive in track(list(drives), "calibrating the map"):
+        for local in local_maps(drive, str(model)):
+            total, weight, _, geometric = local.layers
+            known = (local.truth != 0) & (weight > LEAST_WEIGHT)
+            means.append(total[known] / weight[known])
+            sums.append(geometric[known])
+            occupied.append(local.truth[known] > 0)
+    mean, geometry = np.concatenate(means).astype(float), np.concatenate(sums).astype(float)
+    weights = fit_logistic(np.stack((mean, geometry, np.ones_like(mean))), np.concatenate(occupied), np.array([1.0, 0.0, 0.0]))
+    return Calibration(*(round(float(weight), 4) for weight in weights))
