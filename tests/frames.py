@@ -112,6 +112,7 @@ def _with_crc8(name: str, values: dict[str, float]) -> bytes:
 
 CONFIG = """
 vehicle = "test"
+model = "analytic"
 
 [[bus]]
 name = "can0"

@@ -130,7 +130,7 @@ class Config(Table, frozen=True):
     motion: Motion
     radar: tuple[Radar, ...] = ()
     vehicle: Name = "car"
-    model: Annotated[str, Meta(pattern=r"^(analytic|default|paper)$|\.onnx$")] = "analytic"  # or the path of an .onnx file
+    model: Annotated[str, Meta(pattern=r"^(analytic|default|paper)$|\.onnx$")] = "default"  # or the path of an .onnx file
     model_fallback: bool = False  # the analytic model where the configured one is not sound
     body: Body = Body()
     grid: Grid = Grid()

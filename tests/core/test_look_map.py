@@ -7,14 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from echogrid.core.look_map import KNOWN, MOST_LOOKS, STEP, TURN, UPDATES, Calibration, LookMap
+from echogrid.core.look_map import DOUBT, KNOWN, MOST_LOOKS, STEP, TURN, UPDATES, Calibration, LookMap
 from echogrid.core.occupancy import OccupancyMap
 from echogrid.core.raster import GridSpec
 from echogrid.core.se2 import IDENTITY, SE2
 from echogrid.core.tiled_map import TILE
 
 SPEC = GridSpec(cells=10, cell=0.25)
-LEARNED = Calibration(1.0, 0.0, 0.0)
+LEARNED = Calibration(1.0, 0.0)
 
 
 def said(log_odds: float, weight: float = 1.0, geometric: float = 0.0) -> np.ndarray:
@@ -34,7 +34,7 @@ def told(log_odds: float, weight: float = 1.0, geometric: float = 0.0, of: Calib
 def test_a_cell_reads_the_weighted_mean_of_what_it_was_told(seed: int) -> None:
     """Poses that lie on the cells, so that no cell is blended: each keeps a list, and reads from it."""
     rng = np.random.default_rng(seed)
-    of = Calibration(1.7, 0.6, -0.4)
+    of = Calibration(1.7, -0.4)
     occupancy = LookMap(SPEC, of, clamp=2.0)
     lists: dict[tuple[int, int], list[np.ndarray]] = {}
     for _ in range(20):
@@ -53,7 +53,9 @@ def test_a_cell_reads_the_weighted_mean_of_what_it_was_told(seed: int) -> None:
             geometric = float(np.clip(geometric + added, -2.0, 2.0))
         weight = sum(w for _, w, _ in answers)
         if answers and (weight >= KNOWN * len(answers) or geometric):
-            expected = 1.7 * sum(z * w for z, w, _ in answers) / weight + 0.6 * geometric - 0.4
+            expected = 1.7 * sum(z * w for z, w, _ in answers) / weight - 0.4
+            if geometric > 0:
+                expected = max(expected, -DOUBT * (1 - geometric / 2.0))
             assert found[i, j] == pytest.approx(expected, abs=1e-4)
         else:
             unknown += 1
@@ -120,19 +122,33 @@ def test_a_repeated_prior_saturates_the_sum_and_not_the_mean() -> None:
 
 
 def test_the_geometric_layer_is_a_sum_within_its_clamp() -> None:
-    both = Calibration(0.0, 1.0, 0.0)
-    assert told(0.0, geometric=1.7, of=both, times=1) == pytest.approx(1.7)
-    assert told(0.0, geometric=1.7, of=both, times=9) == 3.5
-    assert told(0.0, geometric=-1.7, of=both, times=9) == -3.5
+    for added, times, expected in ((1.7, 1, 1.7), (1.7, 9, 3.5), (-1.7, 9, -3.5)):
+        occupancy = LookMap(SPEC, LEARNED)
+        for _ in range(times):
+            occupancy.integrate(said(0.0, geometric=added), IDENTITY)
+        assert occupancy.window_of_layers(0, 0, 1, 1)[3, 0, 0] == pytest.approx(expected)
+
+
+def test_the_network_may_doubt_what_was_measured_but_not_deny_it() -> None:
+    """From -0.7 for a faint hit, a probability of one third, up to even odds where geometry is sure; its own word where that is more, and
+    where geometry says free or nothing."""
+    assert told(-9.0, geometric=0.35) == pytest.approx(-0.63)
+    assert 1 / (1 + math.exp(-told(-9.0, geometric=0.01))) == pytest.approx(1 / 3, abs=0.003)
+    assert told(-9.0, geometric=1.75) == pytest.approx(-0.35)
+    assert 0 <= told(-9.0, geometric=1.75, times=4) < 1e-30
+    assert told(-0.2, geometric=0.35) == pytest.approx(-0.2)
+    assert told(4.0, geometric=0.35) == pytest.approx(4.0)
+    assert told(-9.0, geometric=-1.0) == told(-9.0) == pytest.approx(-9.0)
 
 
 def test_what_is_known_is_never_0_and_what_is_not_always_is() -> None:
-    cancels = Calibration(1.0, 0.5, 1.0)
+    cancels = Calibration(1.0, 1.0)
     assert 0 < told(-1.0, of=cancels) < 1e-30
-    assert 0 < told(-2.0, geometric=2.0, of=cancels) < 1e-30
+    assert 0 < told(-1.0, geometric=2.0, of=cancels) < 1e-30
+    assert 0 < told(-9.0, geometric=2.0, times=2) < 1e-30  # even odds for what is surely measured
     assert told(5.0, weight=KNOWN - 0.01) == 0  # hardly held for observable
     assert told(5.0, weight=KNOWN + 0.01) == pytest.approx(5.0, rel=1e-5)
-    assert told(0.0, weight=0.0, geometric=1.0, of=cancels) == 1.5  # geometry alone
+    assert told(0.0, weight=0.0, geometric=1.0, of=cancels) == 1.0  # geometry alone
     assert told(0.0, weight=0.0, of=cancels) == 0
     assert LookMap(SPEC, cancels).window(0, 0, 4, 4).tolist() == [[0.0] * 4] * 4
     assert LookMap(SPEC, cancels).whole()[2].shape == (0, 0)

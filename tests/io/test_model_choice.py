@@ -107,13 +107,13 @@ def test_with_leave_the_analytic_model_stands_in_and_says_so(tmp_path: Path) -> 
 
 def test_the_file_says_which_map_it_is_for_and_the_configuration_may_say_otherwise(tmp_path: Path) -> None:
     """Looks: log-odds, weight and geometry. Sum: log-odds times weight, as the analytic model gives its own."""
-    write(tmp_path / "net.onnx", *networks.default(calibration={"learned": 1.5, "geometric": 0.2, "offset": -0.3}))
+    write(tmp_path / "net.onnx", *networks.default(calibration={"learned": 1.5, "offset": -0.3}))
     looks = configured(tmp_path, 'model = "net.onnx"')
     total = configured(tmp_path, 'model = "net.onnx"\nmap.fusion = "sum"')
     geometric = configured(tmp_path, 'model = "analytic"').infer(around())
     assert isinstance(looks.map, LookMap)
     assert isinstance(total.map, OccupancyMap)
-    assert (looks.map.calibration.learned, looks.map.calibration.geometric, looks.map.calibration.offset) == (1.5, 0.2, -0.3)
+    assert (looks.map.calibration.learned, looks.map.calibration.offset) == (1.5, -0.3)
     log_odds, weight, beside = looks.infer(around())
     assert geometric.any()
     np.testing.assert_array_equal(beside, geometric)

@@ -48,6 +48,11 @@ class Autoencoder:
         """Of its folder and its pictures."""
         return f"{self.sensor}-{self.weighting}"
 
+    @property
+    def title(self) -> str:
+        """For people."""
+        return f"{self.sensor}, {self.weighting}"
+
     def answers(self, samples: Samples) -> Image:
         """(n, 128, 128) log-odds, as the network gives them."""
         recipe, model = self.trained.recipe(), self.trained.model()

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import Progress, track
 
 from echogrid.errors import EchogridError
-from echogrid_training import campaign, demo, fit, inspect_drive, nuscenes, radarscenes, report
+from echogrid_training import campaign, demo, fit, inspect_drive, nuscenes, radarscenes, report, reproduce
 from echogrid_training.drive import check_free, write_drive
 from echogrid_training.frames import Report
 from echogrid_training.ground_truth import TruthMap
@@ -81,6 +81,10 @@ def _parser() -> argparse.ArgumentParser:
     fit.add_arguments(learn)
     learn.set_defaults(command=_fit)
 
+    again = commands.add_parser("reproduce", help="the paper's four autoencoders, its table and its figures, as an HTML page")
+    reproduce.add_arguments(again)
+    again.set_defaults(command=_reproduce)
+
     compare = commands.add_parser("report", help="simulated drives beside recorded ones, as a table in Markdown")
     for name, what in (("nuscenes", "folder of scene-*.npz"), ("radarscenes", "seq_N.npz"), ("astyx", ".npz"), ("kitti", ".npz")):
         compare.add_argument(f"--{name}", type=Path, required=True, help=what)
@@ -143,6 +147,10 @@ def _inspect(options: argparse.Namespace) -> None:
 
 def _fit(options: argparse.Namespace) -> None:
     print(fit.run(options, _tracked()))
+
+
+def _reproduce(options: argparse.Namespace) -> None:
+    print(reproduce.run(options, _tracked()))
 
 
 def _report(options: argparse.Namespace) -> None:

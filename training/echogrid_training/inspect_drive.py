@@ -41,7 +41,7 @@ def inspect(folder: Path, out: Path) -> list[Path]:
     """Writes drive.png and drive.gif; returns their paths. Raises EchogridError where the folder is no drive with a true map."""
     drive = find_drive(folder, None)
     truth = load_simulated_truth(drive.truth)
-    config = load_config(drive.config)
+    config = load_config(drive.config, "analytic")  # its sensor model is not asked
     moments = list(_moments(config, drive.config, drive.log, truth))
     if not moments:
         raise EchogridError(f"{drive.log}: gives no map update within the time of {drive.truth}")

@@ -17,9 +17,9 @@ def fit_logistic(features: Floats, occupied: NDArray[np.bool_], start: Floats, s
     `start` (F,), unchanged, where one of the two classes is missing. Newton's method; a step that leads uphill is halved until it does
     not, for from a start far away whole steps may go to and fro for ever.
     """
-    y = occupied.astype(float)
-    if not 0 < y.mean() < 1:
+    if occupied.all() or not occupied.any():
         return start
+    y = occupied.astype(float)
 
     def unlikelihood(weights: Floats) -> float:
         z = weights @ features

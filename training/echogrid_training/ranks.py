@@ -1,6 +1,6 @@
 """Several GPUs or machines under `torchrun`: every process learns from its share of each batch, and all take the same step.
 
-torchrun --nproc-per-node 4 -m echogrid_training.cli fit --drives drives --out models/default
+torchrun --nproc-per-node 4 -m echogrid_training fit --drives drives --out models/default
 """
 
 from __future__ import annotations

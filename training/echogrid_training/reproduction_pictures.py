@@ -12,12 +12,13 @@ from PIL import Image, ImageDraw, ImageFilter, ImageFont
 from echogrid.config import Body
 from echogrid.core.messages import Floats
 from echogrid.core.raster import Image as Cells
-from echogrid.core.tiled_map import LogOdds, probability
+from echogrid.core.tiled_map import LogOdds
 from echogrid_training.dataset import SPEC
+from echogrid_training.ground_truth import TruthMap, soft
 
 ZOOM = 2  # pixels along a side of a patch's cell
 GAP, TITLE = 10, 24  # pixels between pictures of a sheet, and above each
-WIDE, HIGH, LEFT, TOP, BOTTOM, RIGHT = 420, 300, 52, 40, 40, 12  # pixels of a chart and of the margins around its lines
+WIDE, HIGH, LEFT, TOP, BOTTOM, RIGHT = 420, 320, 52, 40, 80, 12  # pixels of a chart and of the margins around its lines
 LONGEST = 1600  # pixels of a map
 TRUTH, WAY, CAR = (240, 140, 20), (40, 150, 220), (40, 190, 110)
 PAPER, INK, RULE = (255, 255, 255), (40, 44, 52), (215, 219, 225)
@@ -28,9 +29,9 @@ COVER = 0.6  # of the truth over a map
 Pixels = NDArray[np.uint8]
 
 
-def grey(log_odds: LogOdds) -> Pixels:
-    """The paper's [0, 1] -> [black, white] of p(occupied)."""
-    return np.rint(255 * probability(log_odds)).astype(np.uint8)
+def grey(label: Cells) -> Pixels:
+    """-1, surely free, black; 1, surely occupied, white: the paper's [0, 1] -> [black, white] of p(occupied)."""
+    return np.rint(255 * (label + 1) / 2).astype(np.uint8)
 
 
 def ahead_up(patch: Pixels) -> Pixels:
@@ -38,9 +39,9 @@ def ahead_up(patch: Pixels) -> Pixels:
     return np.ascontiguousarray(patch.T[::-1, ::-1])
 
 
-def patch_picture(log_odds: Cells) -> Image.Image:
-    """An answer or a truth (128, 128) around the car."""
-    return _with_car(Image.fromarray(ahead_up(grey(log_odds))))
+def patch_picture(label: Cells) -> Image.Image:
+    """An answer or a truth (128, 128) in [-1, 1] around the car."""
+    return _with_car(Image.fromarray(ahead_up(grey(label))))
 
 
 def input_picture(image: Cells) -> Image.Image:
@@ -71,14 +72,14 @@ def sheet(rows: Sequence[Sequence[tuple[str, Image.Image]]]) -> Image.Image:
     return whole
 
 
-def map_picture(log_odds: LogOdds, truth: LogOdds, origin: tuple[float, float], cell: float, way: Floats) -> Image.Image:
-    """A map, y up, under the truth's occupied cells in orange and the driven way (N, 2) m in blue. `origin`: corner of cell [0, 0], m."""
-    shades = np.repeat(grey(log_odds)[:, :, None], 3, axis=2)
-    solid = truth > 0
+def map_picture(log_odds: LogOdds, over: LogOdds, truth: TruthMap, way: Floats) -> Image.Image:
+    """A map on the truth's cells, y up; over it in orange the cells that `over` holds for occupied, and in blue the way (N, 2) m driven."""
+    shades = np.repeat(grey(soft(log_odds))[:, :, None], 3, axis=2)
+    solid = over > 0
     shades[solid] = np.rint((1 - COVER) * shades[solid] + COVER * np.array(TRUTH)).astype(np.uint8)
     zoom = max(1, min(3, LONGEST // max(log_odds.shape)))
     image = Image.fromarray(shades[::-1]).resize((log_odds.shape[1] * zoom, log_odds.shape[0] * zoom), Image.Resampling.NEAREST)
-    pixels = (way - origin) / cell * zoom
+    pixels = (way - truth.origin) / truth.cell * zoom
     ImageDraw.Draw(image).line([(x, image.height - y) for x, y in pixels.tolist()], fill=WAY, width=zoom)
     return image
 
@@ -100,14 +101,16 @@ def chart(title: str, lines: Mapping[str, Sequence[float]]) -> Image.Image:
         pen.text((LEFT - 6, at(1, value)[1]), f"{value:.3g}", fill=INK, font=font, anchor="rm")
     for epoch in sorted({1, (1 + epochs) // 2, epochs}):
         pen.text((at(epoch, 0)[0], HIGH - BOTTOM + 6), str(epoch), fill=INK, font=font, anchor="ma")
-    pen.text((at((1 + epochs) / 2, 0)[0], HIGH - 4), "epoch", fill=INK, font=font, anchor="ms")
+    pen.text((at((1 + epochs) / 2, 0)[0], HIGH - BOTTOM + 22), "epoch", fill=INK, font=font, anchor="ma")
     for number, (colour, (name, line)) in enumerate(zip(LINES, lines.items(), strict=False)):
         points = [at(epoch, value) for epoch, value in enumerate(line, 1) if math.isfinite(value)]
         if len(points) > 1:
             pen.line(points, fill=colour, width=2, joint="curve")
         for x, y in points:
             pen.ellipse((x - 2, y - 2, x + 2, y + 2), fill=colour)
-        pen.text((WIDE - RIGHT, TOP + 15 * number), name, fill=colour, font=font, anchor="ra")
+        left, middle = LEFT + number % 2 * (WIDE - LEFT) // 2, HIGH - 30 + number // 2 * 16
+        pen.line((left, middle, left + 18, middle), fill=colour, width=3)
+        pen.text((left + 24, middle), name, fill=INK, font=font, anchor="lm")
     return image
 
 

@@ -19,6 +19,7 @@ from echogrid.core.occupancy import OccupancyMap
 from echogrid.core.raster import Image
 from echogrid.core.se2 import SE2
 from echogrid.core.tiled_map import LogOdds, TiledMap
+from echogrid.errors import EchogridError
 from echogrid.io.drive import find_drive
 from echogrid_training.dataset import SPEC, Samples, packed
 from echogrid_training.ground_truth import TruthMap
@@ -48,6 +49,8 @@ class Driven:
 def driven(drive: Path) -> Driven:
     """All updates that the default map takes. Raises EchogridError."""
     cut = list(samples(drive, spacing=0.0))
+    if not cut:
+        raise EchogridError(f"{drive}: gives no map update within the time of its truth, expected a drive to map")
     truth = load_simulated_truth(find_drive(drive, None).truth).map
     return Driven(drive.name, packed(cut), [sample.truth_from_base for sample in cut], truth)
 

@@ -19,15 +19,15 @@ from echogrid.core.tiled_map import Layers, LogOdds, TiledMap, resample
 STEP, TURN = 0.5, math.radians(3.0)  # m and rad of ego motion after which a new look begins
 UPDATES = 4  # of a look that count; a standing car learns nothing new
 MOST_LOOKS = 20.0  # the mean forgets what is older
+DOUBT = 0.7  # a measured hit is worth log-odds of at least -DOUBT, rising to 0 as geometry nears its clamp
 KNOWN = 0.3  # how much of its looks a network must hold a cell for observable before it is told of
 
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """log-odds = learned * (mean of the network's log-odds) + geometric * (sum of the geometry's log-odds) + offset."""
+    """log-odds = learned * (mean of the network's log-odds) + offset."""
 
     learned: float = 1.0
-    geometric: float = 0.0
     offset: float = 0.0
 
 
@@ -72,10 +72,12 @@ class LookMap(TiledMap):
         self._forget(odom_from_base)
 
     def read(self, layers: Layers) -> LogOdds:
+        """The calibrated mean; where geometry holds a cell for occupied, the network may doubt that but not deny it."""
         total, weight, looks, geometric = layers
         known = (weight >= KNOWN * looks) & (looks > 0) | (geometric != 0)
         mean = total / np.maximum(weight, np.float32(1e-6))
-        of = self.calibration
-        log_odds = np.float32(of.learned) * mean + np.float32(of.geometric) * geometric + np.float32(of.offset)
+        log_odds = np.float32(self.calibration.learned) * mean + np.float32(self.calibration.offset)
+        doubted = np.float32(-DOUBT) * (1 - geometric / np.float32(self.clamp))
+        log_odds = np.where((geometric > 0) & (log_odds < doubted), doubted, log_odds)
         log_odds[log_odds == 0] = np.finfo(np.float32).tiny
         return np.where(known, log_odds, np.float32(0))
