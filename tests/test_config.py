@@ -58,7 +58,7 @@ def test_the_smallest_configuration_drives(tmp_path: Path) -> None:
         (("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "ford_mrr"'), "comes without a DBC file"),
         (("yaw_deg = 45.0", 'yaw_deg = 45.0\ndbc = "none.dbc"'), "none.dbc: cannot be read: No such file"),
         (('name = "front_left"', 'name = "front_left'), "is not valid TOML"),
-        (('vehicle = "test"', 'model = "best"'), "model: Expected `str` matching regex"),
+        (('model = "analytic"', 'model = "best"'), "model: Expected `str` matching regex"),
         (('vehicle = "test"', 'model_fallback = "yes"'), "model_fallback: Expected `bool`, got `str`"),
         (('vehicle = "test"', 'map.fusion = "looks"'), "map.fusion: 'looks' found, expected 'sum' for the analytic model"),
         (('vehicle = "test"', 'map.fusion = "mean"'), "map.fusion: "),
@@ -80,10 +80,16 @@ def test_no_radar_and_no_text(tmp_path: Path) -> None:
         load_config(tmp_path / "other.toml")
 
 
+def test_without_a_word_about_it_the_shipped_network_runs(tmp_path: Path) -> None:
+    path = tmp_path / "echogrid.toml"
+    path.write_text(CONFIG.replace('model = "analytic"', ""))
+    assert (load_config(path).model, load_config(path).map.fusion, load_config(path).model_fallback) == ("default", None, False)
+
+
 def test_the_command_lines_model_stands_in_for_the_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A path is from the working folder, as the shell completes it; in the file it is from the file's folder."""
     path = tmp_path / "echogrid.toml"
-    path.write_text(f'model = "paper"\nmap.fusion = "looks"\n{CONFIG}')
+    path.write_text(CONFIG.replace('model = "analytic"', 'model = "paper"\nmap.fusion = "looks"'))
     monkeypatch.chdir(tmp_path.parent)
     assert load_config(path).model == "paper"
     assert load_config(path, "default").model == "default"

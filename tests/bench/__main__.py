@@ -11,6 +11,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -23,10 +24,17 @@ from opendbc.can import CANParser
 from echogrid.config import load_config
 from echogrid.core import mapper as mapper_module
 from echogrid.core.health import SensorHealth
+from echogrid.core.history import Surroundings
+from echogrid.core.history_raster import HistoryRaster
+from echogrid.core.look_map import Calibration, LookMap
+from echogrid.core.occupancy import OccupancyMap
+from echogrid.core.se2 import SE2
 from echogrid.io.dbc import Dbc
 from echogrid.io.decode import BatchDecoder, stack
 from echogrid.io.drive import find_drive
 from echogrid.io.log import Log
+from echogrid.io.model import OnnxSensorModel
+from echogrid.io.model_choice import SHIPPED, shipped
 from echogrid.io.profile import find, load_radar
 from echogrid.io.radar import RadarReader
 from echogrid.io.signals import bus_of
@@ -36,6 +44,8 @@ from echogrid_training.samples import samples
 from tests.frames import frame, radar_cycle
 
 ROOT = Path(__file__).parent.parent.parent
+DEMO = ROOT / "service" / "echogrid" / "demo_drive"
+EVERY = 60  # updates of the demo drive, of which one is looked at closely
 FORD = Path(opendbc.__file__).parent / "dbc" / "FORD_CADS.dbc"
 
 
@@ -82,9 +92,9 @@ def decoding() -> dict[str, float]:
 
 
 def stages() -> dict[str, float]:
-    """Mean time per map update of the demo drive in microseconds, stage by stage, inside the service's own run."""
-    drive = find_drive(ROOT / "service" / "echogrid" / "demo_drive", None)
-    config = load_config(drive.config)
+    """Mean time per map update of the demo drive in microseconds with the analytic model, stage by stage, in the service's own run."""
+    drive = find_drive(DEMO, None)
+    config = load_config(drive.config, "analytic")
     pipeline = Pipeline(config, drive.config)
     mapper = pipeline.mapper
     spent: dict[str, float] = {}
@@ -99,11 +109,13 @@ def stages() -> dict[str, float]:
         return run
 
     pipeline.signals.add = timed("decode and assemble", pipeline.signals.add)  # type: ignore[method-assign]
-    mapper.infer = timed("inverse sensor model", mapper.infer)
+    mapper.infer = timed("rasterise and inverse sensor model", mapper.infer)
     mapper.map.integrate = timed("integrate", mapper.map.integrate)  # type: ignore[method-assign]
     mapper.end_cycle = timed("whole update", mapper.end_cycle)  # type: ignore[method-assign]
     around = timed("window to publish", mapper.map.around)
-    functions = {"is_static": "gate by range rate", "beside_movers": "gate beside movers", "rasterize": "rasterise"}
+    mapper.history.add = timed("history", mapper.history.add)  # type: ignore[method-assign]
+    mapper.history.surroundings = timed("history", mapper.history.surroundings)  # type: ignore[method-assign]
+    functions = {"deviation": "gate by range rate", "beside_movers": "gate beside movers"}
     with ExitStack() as patches:
         for name, stage in functions.items():
             patches.enter_context(mock.patch.object(mapper_module, name, timed(stage, getattr(mapper_module, name))))
@@ -113,9 +125,42 @@ def stages() -> dict[str, float]:
                 around(update.ego.odom_from_base, config.publish.window_cells)
     updates = pipeline.health.cycles
     whole = spent.pop("whole update")
-    inside = sum(spent[stage] for stage in (*functions.values(), "inverse sensor model", "integrate"))
+    inside = sum(spent[stage] for stage in (*functions.values(), "history", "rasterise and inverse sensor model", "integrate"))
     spent["poses, transforms and the rest"] = whole - inside
     return {stage: seconds / updates * 1e6 for stage, seconds in spent.items()}
+
+
+def models() -> dict[str, float]:
+    """Microseconds of what an update asks of each model and each map: medians over updates of the demo drive, by turns in one run."""
+    drive = find_drive(DEMO, None)
+    config = load_config(drive.config, "analytic")
+    pipeline = Pipeline(config, drive.config)
+    spec, mounts, infer = config.grid.spec(), pipeline.mapper.mounts, pipeline.mapper.infer
+    raster, total, looks = HistoryRaster(spec, mounts), OccupancyMap(spec), LookMap(spec, Calibration())
+    networks = [OnnxSensorModel(path, spec, mounts) for name in SHIPPED for path in shipped(name) if path.exists()]
+    times: dict[str, list[float]] = {}
+
+    def timed(around: Surroundings, pose: SE2) -> None:
+        said = infer(around)
+        works = {
+            "rasterise the newest and analytic model": partial(infer, around),
+            "rasterise the last 15 m": partial(raster, around),
+            **{f"network {model.path.stem}": partial(model.answer, model.draw(around)) for model in networks},
+            "integrate, sum": partial(total.integrate, said, pose),
+            "integrate, looks": partial(looks.integrate, np.stack((said, said, said)), pose),
+            "window to publish, sum": partial(total.around, pose, config.publish.window_cells),
+            "window to publish, looks": partial(looks.around, pose, config.publish.window_cells),
+        }
+        for name, work in works.items():
+            times.setdefault(name, []).append(median_us(work, repeats=5))
+
+    seen: list[Surroundings] = []
+    pipeline.mapper.infer = lambda around: (seen.append(around), infer(around))[1]
+    for message in Log(drive.log):
+        update = pipeline.add(bus_of(message, config.bus) or "", message)
+        if update is not None and len(seen) % EVERY == 0:
+            timed(seen[-1], update.ego.odom_from_base)
+    return {name: statistics.median(spent) for name, spent in times.items()}
 
 
 def simulating() -> dict[str, float]:
@@ -138,7 +183,7 @@ def simulating() -> dict[str, float]:
 
 def main() -> None:
     """All tables."""
-    decoders, parts, simulation = decoding(), stages(), simulating()
+    decoders, parts, costs, simulation = decoding(), stages(), models(), simulating()
     reference = decoders["ours, batch"]
     print("decoding one 64-frame cycle")
     for name, value in decoders.items():
@@ -147,12 +192,18 @@ def main() -> None:
     for name, value in parts.items():
         print(f"  {name:<56}{value:9.1f} us")
     print(f"  {'sum':<56}{sum(parts.values()):9.1f} us")
+    print("models and maps, one update")
+    analytic = costs["rasterise the newest and analytic model"]
+    for name, value in costs.items():
+        print(f"  {name:<56}{value:9.1f} us{value / analytic:8.2f} x")
     print("simulating")
     for name, value in simulation.items():
         print(f"  {name:<56}{value:9.2f}")
     out = ROOT / "out"
     out.mkdir(exist_ok=True)
-    (out / "bench.json").write_text(json.dumps({"decode_us": decoders, "update_us": parts, "simulate": simulation}, indent=2) + "\n")
+    (out / "bench.json").write_text(
+        json.dumps({"decode_us": decoders, "update_us": parts, "models_us": costs, "simulate": simulation}, indent=2) + "\n"
+    )
 
 
 if __name__ == "__main__":

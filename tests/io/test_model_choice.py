@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from echogrid.core.occupancy import OccupancyMap
 from echogrid.core.raster import GridSpec
 from echogrid.errors import EchogridError
 from echogrid.io import model_choice
+from echogrid.io.model import OnnxSensorModel
 from echogrid.io.model_choice import choose, choose_file, measure, shipped
 from echogrid.pipeline import SensorModel, sensor_model
 
@@ -84,7 +86,7 @@ def test_a_path_is_taken_as_it_is(tmp_path: Path) -> None:
 
 def configured(folder: Path, text: str) -> SensorModel:
     path = folder / "echogrid.toml"
-    path.write_text(f"{text}\n{CONFIG}\n[grid]\ncells = 16\ncell = 0.5\n")
+    path.write_text(CONFIG.replace('model = "analytic"', text) + "\n[grid]\ncells = 16\ncell = 0.5\n")
     return sensor_model(load_config(path), path)
 
 
@@ -121,3 +123,19 @@ def test_the_file_says_which_map_it_is_for_and_the_configuration_may_say_otherwi
     write(tmp_path / "net.onnx", *networks.paper())
     assert isinstance(configured(tmp_path, 'model = "net.onnx"').map, OccupancyMap)
     assert isinstance(configured(tmp_path, 'model = "net.onnx"\nmap.fusion = "looks"').map, LookMap)
+
+
+def test_the_shipped_files_are_sound_here_and_say_nearly_the_same() -> None:
+    """All of the default network's, whatever machine they are for: int8 kernels for either exist everywhere."""
+    spec = GridSpec()
+    folder = shipped("default")[-1].parent
+    models = [OnnxSensorModel(folder / f"default{kind}.onnx", spec, {}) for kind in ("", ".x86", ".arm")]
+    assert [model.contract.precision for model in models] == ["float", "int8", "int8"]
+    assert len({model.contract.calibration for model in models}) == 1
+    golden = np.frombuffer(zlib.decompress(models[0].contract.golden[0].image), np.uint8).reshape(networks.PLANES, 128, 128)
+    exact, *rounded = (model.answer(golden) for model in models)
+    for log_odds, weight in rounded:
+        both = (exact[1] > 0.5) & (weight > 0.5)
+        assert both.sum() > 1000
+        assert np.median(np.abs(log_odds - exact[0])[both]) < 0.3
+        assert np.abs(weight - exact[1]).mean() < 0.02

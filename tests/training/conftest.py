@@ -1,0 +1,32 @@
+"""The default network after two short epochs, and its files: learned once for all tests that need one."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # networks here are tiny: threads would wait for each other longer than they work
+
+import pytest
+from tests.training.rectangles import rectangles
+
+from echogrid.core.look_map import Calibration
+from echogrid_training.export import export
+from echogrid_training.train import Settings, Trained, fit
+
+READ_OUT = Calibration(1.5, -1.0)
+
+
+@pytest.fixture(scope="session")
+def unet(tmp_path_factory: pytest.TempPathFactory) -> tuple[Trained, Path]:
+    """What was learned from rectangles, and the folder of the run."""
+    out = tmp_path_factory.mktemp("unet")
+    settings = Settings("default", epochs=2, seed=5, batch=2, per_epoch=20, rate=1e-2)
+    return fit(rectangles(40, 1), rectangles(8, 2), settings, out), out
+
+
+@pytest.fixture(scope="session")
+def unet_files(unet: tuple[Trained, Path], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """default.onnx, default.x86.onnx and default.arm.onnx by name; int8 with steps by 16 rooms of its own."""
+    paths = export(unet[0], tmp_path_factory.mktemp("files"), READ_OUT, rectangles(16, 3).images)
+    return {path.name: path for path in paths}
