@@ -35,21 +35,24 @@ def files(folder: Path, int8: object = None) -> list[Path]:
     ]
 
 
-@pytest.mark.parametrize("times", [(0.002, 0.005), (0.005, 0.002)])
-def test_the_faster_of_two_sound_files_runs(tmp_path: Path, times: tuple[float, float], monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("times", [(0.002, 0.005), (0.005, 0.0045), (0.005, 0.002)])
+def test_the_first_sound_file_runs_unless_the_other_is_clearly_faster(
+    tmp_path: Path, times: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A tenth may be noise: a machine that chose anew at every start would not draw the same map twice."""
     monkeypatch.setattr(model_choice, "measure", lambda _: list(times))
     choice = choose_file(files(tmp_path), SPEC, {})
-    name = ("default.x86.onnx", "default.onnx")[int(np.argmin(times))]
+    name = "default.onnx" if times == (0.005, 0.002) else "default.x86.onnx"
     assert choice.model.path == tmp_path / name
     said = " ms, ".join(f"{path} {seconds * 1e3:.1f}" for path, seconds in zip(("default.x86.onnx", "default.onnx"), times, strict=True))
-    assert choice.why == f"{name}, the fastest here: {said} ms"
+    assert choice.why == f"{name}, by {said} ms"
 
 
 def test_a_file_that_answers_wrongly_here_gives_way_and_it_is_said(tmp_path: Path) -> None:
     choice = choose_file(files(tmp_path, int8=WRONG), SPEC, {})
     assert choice.model.path == tmp_path / "default.onnx"
     assert choice.model.contract.precision == "float"
-    assert choice.why.startswith("default.onnx, the fastest here: default.onnx ")
+    assert choice.why.startswith("default.onnx, by default.onnx ")
     assert choice.why.endswith(f"; {tmp_path / 'default.x86.onnx'}: golden answer 0 is off by 1, expected at most 0.05")
 
 

@@ -53,7 +53,8 @@ def run(options: argparse.Namespace, track: Track = untracked) -> str:
         tested = find_drives(options.test)
         test = load_drives(tested, track, workers=options.workers)
         rows.append(_row("test", len(tested), len(test), train.judge(way, model, test)))
-    paths = export.export(trained, options.out, Calibration(), calibrating(validation) if options.network == "default" else None)
+    calibration = Calibration(*trained.calibration)
+    paths = export.export(trained, options.out, calibration, calibrating(validation) if options.network == "default" else None)
     if options.network == "default":
         calibration = calibrate_map(some(held_out, MAPPED), paths[0], track)
         paths = export.export(trained, options.out, calibration, calibrating(validation))

@@ -20,7 +20,7 @@ STEP, TURN = 0.5, math.radians(3.0)  # m and rad of ego motion after which a new
 UPDATES = 4  # of a look that count; a standing car learns nothing new
 MOST_LOOKS = 20.0  # the mean forgets what is older
 DOUBT = 0.7  # a measured hit is worth log-odds of at least -DOUBT, rising to 0 as geometry nears its clamp
-KNOWN = 0.3  # how much of its looks a network must hold a cell for observable before it is told of
+KNOWN = 0.5  # how much of its looks a network must hold a cell for observable before it is told of
 
 
 @dataclass(frozen=True, slots=True)
