@@ -15,6 +15,7 @@ from rich.progress import Progress, track
 from echogrid.errors import EchogridError
 from echogrid_training import campaign, demo, fit, inspect_drive, nuscenes, radarscenes, report, reproduce
 from echogrid_training.drive import check_free, write_drive
+from echogrid_training.evaluation import real, sim
 from echogrid_training.frames import Report
 from echogrid_training.ground_truth import TruthMap
 from echogrid_training.recording import Recording, Track, untracked
@@ -85,6 +86,15 @@ def _parser() -> argparse.ArgumentParser:
     reproduce.add_arguments(again)
     again.set_defaults(command=_reproduce)
 
+    judge = commands.add_parser("evaluate", help="networks and plain methods side by side, as tables in Markdown")
+    worlds = judge.add_subparsers(required=True, metavar="WORLD")
+    simulated = worlds.add_parser("sim", help="on simulated towns, beside the truth")
+    sim.add_arguments(simulated)
+    simulated.set_defaults(command=_evaluate_sim)
+    recorded = worlds.add_parser("real", help="on public recordings, by detections that were left out, or beside a lidar")
+    real.add_real_arguments(recorded)
+    recorded.set_defaults(command=_evaluate_real)
+
     compare = commands.add_parser("report", help="simulated drives beside recorded ones, as a table in Markdown")
     for name, what in (("nuscenes", "folder of scene-*.npz"), ("radarscenes", "seq_N.npz"), ("astyx", ".npz"), ("kitti", ".npz")):
         compare.add_argument(f"--{name}", type=Path, required=True, help=what)
@@ -151,6 +161,14 @@ def _fit(options: argparse.Namespace) -> None:
 
 def _reproduce(options: argparse.Namespace) -> None:
     print(reproduce.run(options, _tracked()))
+
+
+def _evaluate_sim(options: argparse.Namespace) -> None:
+    print(sim.run(options, _tracked()))
+
+
+def _evaluate_real(options: argparse.Namespace) -> None:
+    print(real.run_real(options, _tracked()))
 
 
 def _report(options: argparse.Namespace) -> None:

@@ -1,0 +1,36 @@
+"""A drive through a room, four seconds long, and a network that finds its way in there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from tests.networks import default, write
+from tests.training.tiny_towns import room, town, track
+
+from echogrid_training.drive import write_drive
+from echogrid_training.episode import paper_like
+from echogrid_training.evaluation.tape import Tape, load_tape
+from echogrid_training.simulate import simulate
+
+SHARES = (0.6, 0.35, 0.05)
+
+
+@pytest.fixture(scope="session")
+def room_drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("room") / "drive"
+    recording, truth = simulate(town(*room(30.0, 14.0), ego=track(4.0, speed=3.5, x=-7.0)), paper_like(2))
+    write_drive(recording, folder, truth_map=truth)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def room_tape(room_drive: Path) -> Tape:
+    return load_tape(room_drive)
+
+
+@pytest.fixture(scope="session")
+def network_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What was hit often is occupied, what was looked at and not hit is free."""
+    graph, contract = default(128, 30.0 / 128)
+    return write(tmp_path_factory.mktemp("network") / "tiny.onnx", graph, contract | {"class_shares": SHARES})

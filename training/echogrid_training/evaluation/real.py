@@ -1,0 +1,107 @@
+"""`echogrid-train evaluate real`: learned and analytic side by side on recordings that were not made for it.
+
+Every recording goes through the whole chain: imported into CAN frames, decoded, mapped by the service with dead-reckoned poses, the network
+run from its file. What is scored: real_scores.py on drives, real_astyx.py on single frames beside a lidar.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from echogrid.core.raster import GridSpec
+from echogrid.io.model_choice import choose
+from echogrid_training import nuscenes, radarscenes
+from echogrid_training.drive import write_drive
+from echogrid_training.evaluation import real_astyx, real_picture
+from echogrid_training.evaluation.real_comparison import DriveScores, compare, summaries
+from echogrid_training.evaluation.real_drive import hear
+from echogrid_training.evaluation.real_tables import drive_tables, frame_table
+from echogrid_training.recording import Recording, Track, untracked
+
+Load = Callable[[], Recording]
+
+
+def add_real_arguments(parser: argparse.ArgumentParser) -> None:
+    """What `run_real` reads."""
+    parser.add_argument("kind", choices=("nuscenes", "radarscenes", "astyx"))
+    parser.add_argument("sources", type=Path, nargs="+", metavar="SOURCE", help="what `import` takes, or .npz of Astyx")
+    parser.add_argument("--scene", action="append", metavar="NAME", help="of nuScenes, where SOURCE holds several; may be repeated")
+    parser.add_argument("--model", type=named, default="default", help="default, paper, or the path of an .onnx file (default: default)")
+    parser.add_argument("--sum", action="store_true", help="of drives also the network's answers summed, the paper's Eq. 1")
+    parser.add_argument("--json", type=Path, required=True, metavar="FILE", help="for all figures, with areas and thresholds")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="for pictures of the maps")
+
+
+def named(text: str) -> str:
+    """An argument that names a network."""
+    if text not in ("default", "paper") and not text.endswith(".onnx"):
+        raise argparse.ArgumentTypeError(f"'{text}' found, expected default, paper, or the path of an .onnx file")
+    return text
+
+
+def run_real(options: argparse.Namespace, track: Track = untracked) -> str:
+    """Writes the figures and the pictures; returns tables in Markdown. Raises EchogridError."""
+    for folder in (options.json.parent, *([options.out] if options.out else [])):
+        folder.mkdir(parents=True, exist_ok=True)
+    choice = choose(options.model, GridSpec(), {})
+    network = str(choice.model.path)  # the same file for all, where there are several
+    if options.kind == "astyx":
+        figures, tables = _frames(options.sources, network, options.out, track)
+    else:
+        loads = {"nuscenes": _nuscenes, "radarscenes": _radarscenes}[options.kind](options)
+        figures, tables = _drives(loads, network, options.out, track, summed=options.sum)
+    text = json.dumps(finite({"kind": options.kind, "model": choice.why, **figures}), indent=2, allow_nan=False)
+    options.json.write_text(text + "\n", encoding="utf-8")
+    return tables
+
+
+def _nuscenes(options: argparse.Namespace) -> list[Load]:
+    return [partial(nuscenes.load, source, scene) for source in options.sources for scene in options.scene or [None]]
+
+
+def _radarscenes(options: argparse.Namespace) -> list[Load]:
+    return [partial(radarscenes.load, source) for source in options.sources]
+
+
+def _drives(loads: Sequence[Load], model: str, out: Path | None, track: Track, *, summed: bool) -> tuple[dict[str, Any], str]:
+    scores: list[DriveScores] = []
+    for load in track(list(loads), "scoring drives"):
+        recording = load()
+        with tempfile.TemporaryDirectory() as temporary:
+            folder = Path(temporary) / "drive"
+            write_drive(recording, folder)
+            one, halves = compare(recording.vehicle, hear(folder), model, scores[0] if scores else None, summed=summed)
+        scores.append(one)
+        if out is not None:
+            real_picture.drive_sheet(halves).save(out / f"{recording.vehicle}.png")
+    found = summaries(scores)
+    return {"drives": [asdict(one) for one in scores], "summaries": [asdict(one) for one in found]}, drive_tables(scores, found)
+
+
+def _frames(sources: Sequence[Path], model: str, out: Path | None, track: Track) -> tuple[dict[str, Any], str]:
+    scores: list[real_astyx.FrameScores] = []
+    for source in sources:
+        frames = real_astyx.load(source)
+        for place in real_astyx.PLACES:
+            judge = real_astyx.Judge(model, place)
+            scores.append(real_astyx.score(source.stem, frames, judge, track))
+            if out is not None:
+                real_picture.frame_sheet(frames, judge).save(out / f"{source.stem}_{place}.png")
+    return {"frames": [asdict(one) for one in scores]}, frame_table(scores)
+
+
+def finite(value: Any) -> Any:
+    """The same, with None for numbers that JSON has no word for."""
+    if isinstance(value, dict):
+        return {key: finite(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

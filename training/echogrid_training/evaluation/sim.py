@@ -1,0 +1,100 @@
+"""The command `echogrid-train evaluate sim`: networks and baselines on simulated towns. PyTorch is imported when it runs, not before."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from echogrid.errors import EchogridError
+from echogrid_training.dataset import find_drives
+from echogrid_training.fit import positive, some
+from echogrid_training.recording import Track, untracked
+
+CALIBRATED = 8  # drives at most for patches
+MAPPED = 4  # of them, drives that maps are calibrated on
+PROBED = 2  # test drives that are also stood in, and driven twice
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """What `run` reads."""
+    parser.add_argument("--test", type=Path, required=True, metavar="DIR", help="simulated drives to judge by")
+    parser.add_argument("--calibrate", type=Path, required=True, metavar="DIR", help="simulated drives of other towns, to tune by")
+    parser.add_argument(
+        "--model",
+        type=named,
+        action="append",
+        default=[],
+        metavar="NAME=FILE.onnx",
+        help="a network, as often as you like; files of one NAME are seeds of one network",
+    )
+    parser.add_argument("--patches", type=positive, default=60, metavar="N", help="of each test drive (default: 60)")
+    parser.add_argument("--sweep", action="store_true", help="also over density, mounting, silent radars; drives of its own in OUT/sweep")
+    parser.add_argument("--workers", type=positive, default=os.cpu_count() or 1, metavar="N", help="processes")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="for results.json, results.md and pictures")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="results.json by another name (default: OUT/results.json)")
+
+
+def named(text: str) -> tuple[str, Path]:
+    """NAME=FILE."""
+    name, _, path = text.partition("=")
+    if not name or not path.endswith(".onnx"):
+        raise argparse.ArgumentTypeError(f"'{text}' found, expected NAME=FILE.onnx")
+    return name, Path(path)
+
+
+def run(options: argparse.Namespace, track: Track = untracked) -> str:
+    """Calibrates, judges, writes; returns the tables in Markdown. Raises EchogridError."""
+    from echogrid_training.evaluation import calibrating, judging, report, results, sweep
+    from echogrid_training.evaluation.learned import File
+
+    tested, others = find_drives(options.test), some(find_drives(options.calibrate), CALIBRATED)
+    check_apart(tested, others)
+    files = [File(name, path) for name, path in options.model]
+    mapped, probed = some(others, MAPPED), some(tested, PROBED)
+    with spread(options.workers, track) as each:
+        shown = each(calibrating.shown, [(drive, files, drive in mapped) for drive in others], "calibrating")
+        plan = calibrating.planned(shown, files)
+        judged = each(judging.judged, [(drive, plan, options.patches, drive in probed) for drive in tested], "judging")
+        swept = each(sweep.swept, [(point, options.out / "sweep", plan) for point in sweep.points()], "sweeping") if options.sweep else []
+    found = results.results(judged, plan, len(others)) | {"sweep": sweep.curves(swept)}
+    return report.write(results.cleaned(found), judged, options.out, options.json)
+
+
+def check_apart(tested: Sequence[Path], others: Sequence[Path]) -> None:
+    """Raises EchogridError where a drive is on both sides."""
+    truths = {hashlib.sha256((drive / "truth.npz").read_bytes()).digest(): drive for drive in tested}
+    for drive in others:
+        same = truths.get(hashlib.sha256((drive / "truth.npz").read_bytes()).digest())
+        if same is not None:
+            raise EchogridError(f"{drive}: is the test drive {same}, expected calibration drives through other towns")
+
+
+Each = Callable[[Callable[..., Any], Sequence[tuple[Any, ...]], str], list[Any]]
+
+
+@contextmanager
+def spread(workers: int, track: Track) -> Iterator[Each]:
+    """Calls a function with each of some arguments, in order, in so many processes; each of them on one core."""
+    if workers == 1:
+        yield lambda function, calls, what: [function(*arguments) for arguments in track(calls, what)]
+        return
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # read when a process loads numpy's and PyTorch's libraries
+    # Spawned, not forked: a fork of a process with threads may never come up.
+    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+
+        def each(function: Callable[..., Any], calls: Sequence[tuple[Any, ...]], what: str) -> list[Any]:
+            pending = [pool.submit(function, *arguments) for arguments in calls]
+            return [done.result() for done in track(pending, what)]
+
+        try:
+            yield each
+        except BaseException:
+            pool.shutdown(wait=True, cancel_futures=True)
+            raise
