@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from echogrid.config import load_config
 from echogrid.errors import EchogridError
 from echogrid.io.drive import find_drive
 from echogrid.replay import replay
@@ -55,6 +56,8 @@ def test_one_worker_makes_what_two_made_and_goes_on_where_a_killed_run_was(drive
 def test_more_towns_are_added_and_another_campaign_is_refused(drives: Path) -> None:
     with pytest.raises(EchogridError, match=r"campaign.json: the folder holds a campaign with seed 7, expected 8"):
         campaign.run(Campaign("train", 2, 5.0, seed=8), drives, 1, lambda _: None)
+    with pytest.raises(EchogridError, match=r"campaign.json: the folder holds a campaign with sensors drawn, expected paper"):
+        campaign.run(Campaign("train", 2, 5.0, seed=7, sensors="paper"), drives, 1, lambda _: None)
     (drives / "torn").mkdir()
     (drives / "torn" / "campaign.json").write_text("{")
     with pytest.raises(EchogridError, match="does not note a campaign"):
@@ -77,3 +80,13 @@ def test_a_drive_goes_through_the_service_and_can_be_looked_at(drives: Path, tmp
 def test_what_is_no_simulated_drive_is_said(tmp_path: Path) -> None:
     with pytest.raises(EchogridError, match="there is no such file or folder"):
         inspect_drive.inspect(tmp_path / "nothing", tmp_path)
+
+
+def test_the_papers_sensors_drive_through_the_same_town(drives: Path, tmp_path: Path) -> None:
+    """Corner radars at +-45 and +-135 degrees, and the very lidar truth of the drawn car's town where both have been."""
+    campaign.run(Campaign("train", 1, 5.0, seed=7, sensors="paper"), tmp_path, 1, lambda _: None)
+    config = load_config(tmp_path / "train-00000" / "echogrid.toml")
+    assert [round(radar.yaw_deg) for radar in config.radar] == [45, -45, 135, -135]
+    with np.load(tmp_path / "train-00000" / "truth.npz") as one, np.load(drives / "train-00000" / "truth.npz") as other:
+        np.testing.assert_allclose([one[key][0] for key in ("x", "y", "yaw")], [other[key][0] for key in ("x", "y", "yaw")], atol=1e-9)
+        assert one["log_odds"].shape == other["log_odds"].shape

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from echogrid_training.episode import Episode, draw_episode, paper_like
+from echogrid_training.episode import Episode, draw_episode, paper_like, paper_sensors
 
 DRAWN = [draw_episode(seed, "street") for seed in range(400)]
 
@@ -71,3 +71,19 @@ def test_the_papers_car() -> None:
     assert [round(yaw_deg(paper, corner)) for corner in range(4)] == [45, -45, 135, -135]
     assert 15 <= paper.density <= 35
     assert paper.radar.ambiguity == 0
+
+
+def test_the_papers_car_on_many_drives() -> None:
+    """Always the same radars in the same places; density, motion, mounting errors and dropped scans are drawn, and repeat."""
+    many = [paper_sensors(seed, "street") for seed in range(400)]
+    paper = paper_like()
+    covers([one.density for one in many], 15.0, 35.0)
+    for seed, one in enumerate(many):
+        drawn = DRAWN[seed]
+        assert (one.radar, one.body) == (paper.radar, paper.body)
+        assert [corner.mount for corner in one.corners] == [corner.mount for corner in paper.corners]
+        assert (one.motion, one.dropped) == (drawn.motion, drawn.dropped)
+        assert [corner.azimuth_bias for corner in one.corners] == [corner.azimuth_bias for corner in drawn.corners]
+        assert all(corner.lost == (0.0, 0.0) and corner.blockage == 0 for corner in one.corners)
+    assert paper_sensors(5, "street") == many[5]
+    assert paper_sensors(5, "lot").density != many[5].density

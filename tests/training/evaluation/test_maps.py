@@ -71,7 +71,7 @@ def test_views_are_five_metres_apart_and_then_of_the_finished_map(driven: tuple[
 
 
 def test_layers_alone(driven: tuple[list[Row], list[View]]) -> None:
-    """Where geometry holds nothing for occupied, what is published is the network's mean less a quarter, as the tiny network's file says."""
+    """Where geometry holds nothing for occupied, the network's mean less a quarter is published, as the tiny network's file says."""
     of, views = driven
     scores = views[-1].scores
     mean, both, hits = (scores[key] for key in (("tiny, learned layer of looks", 0), ("tiny, looks", 0), (GEOMETRY, 0)))

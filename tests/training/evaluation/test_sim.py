@@ -1,0 +1,124 @@
+"""`evaluate sim` from drives to tables and pictures, with two seeds of one network."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import shutil
+from pathlib import Path
+
+import pytest
+from PIL import Image
+from tests.networks import default, write
+from tests.training.evaluation.conftest import SHARES
+from tests.training.tiny_towns import room, town, track
+
+from echogrid.errors import EchogridError
+from echogrid_training.drive import write_drive
+from echogrid_training.episode import paper_like
+from echogrid_training.evaluation import calibrating, probes, sim
+from echogrid_training.evaluation.baselines import BASELINES
+from echogrid_training.evaluation.patches import STRATA
+from echogrid_training.evaluation.results import cleaned
+from echogrid_training.evaluation.table import markdown, number
+from echogrid_training.simulate import simulate
+
+
+def options(*arguments: str) -> argparse.Namespace:
+    parser = argparse.ArgumentParser()
+    sim.add_arguments(parser)
+    return parser.parse_args(list(arguments))
+
+
+@pytest.fixture(scope="module")
+def towns(room_drive: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two rooms to be judged by, in `test`; another to calibrate by, in `others`."""
+    folder = tmp_path_factory.mktemp("towns")
+    shutil.copytree(room_drive, folder / "others" / "room")
+    for seed, width in ((5, 12.0), (6, 16.0)):
+        recording, truth = simulate(town(*room(26.0, width), ego=track(2.5, speed=4.0, x=-6.0), seed=seed), paper_like(seed))
+        write_drive(recording, folder / "test" / f"room-{seed}", truth_map=truth)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def found(towns: Path, network_file: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+    out = tmp_path_factory.mktemp("out")
+    graph, contract = default(128, 30.0 / 128)
+    other = write(out / "other.onnx", graph, contract | {"class_shares": SHARES, "calibration": {"learned": 2.0}})
+    models = ("--model", f"tiny={network_file}", "--model", f"tiny={other}")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(calibrating, "PATCHES", 3)
+        patch.setattr(probes, "STANDING", 2)
+        patch.setattr(probes, "STARTS", (0.3,))
+        patch.setattr(sim, "PROBED", 1)
+        folders = ("--test", str(towns / "test"), "--calibrate", str(towns / "others"), "--out", str(out))
+        said = sim.run(options(*folders, *models, "--workers", "1", "--patches", "4"))
+    return said, out
+
+
+def test_all_methods_are_judged_on_all_levels(found: tuple[str, Path]) -> None:
+    results = json.loads((found[1] / "results.json").read_text())
+    assert (results["drives"], results["towns"], results["calibration_drives"], results["patches"]) == (2, 2, 1, 8)
+    assert set(results["levels"]["patch"]) == {"mean patch", "tiny", *BASELINES}
+    maps = {"Elfes, sum", "tiny, looks", "tiny, sum", "tiny, learned layer of looks", "geometric layer of looks"}
+    for level in ("around", "finished", "revisited", "after 1 looks"):
+        assert set(results["levels"][level]) == maps
+    for row in results["levels"]["patch"].values():
+        assert set(row["strata"]) == set(STRATA)
+        assert row["interval"]["ap"][0] <= row["ap"] <= row["interval"]["ap"][1]
+    assert results["levels"]["patch"]["Elfes, 15 m"]["ap"] > 2 * results["levels"]["patch"]["all unknown"]["ap"]
+
+
+def test_the_same_network_twice_is_one_row_without_deviation(found: tuple[str, Path]) -> None:
+    """Its files differ in how maps are read out, which single answers do not hang on."""
+    results = json.loads((found[1] / "results.json").read_text())
+    assert results["levels"]["patch"]["tiny"]["sd"]["ap"] == 0.0
+    assert results["levels"]["finished"]["tiny, looks"]["sd"]["published_nll"] > 0.0
+    assert len(results["models"]["tiny"]) == 2
+
+
+def test_tables_and_pictures(found: tuple[str, Path]) -> None:
+    said, out = found
+    assert (out / "results.md").read_text() == said
+    for name in ("Single map updates", "by visibility", "The finished map", "cold start", "Standing", "± 0.000"):
+        assert name in said
+    widths = {line.count(" |") for line in said.split("### Single map updates\n\n")[1].split("\n\n")[0].splitlines()}
+    assert len(widths) == 1  # every row has all columns
+    for name in ("patch-room-5", "patch-room-6", "finished-room-5", "reliability-patch", "reliability-around", "reliability-finished"):
+        with Image.open(out / f"{name}.png") as picture:
+            assert min(picture.size) > 400
+
+
+def test_work_is_spread_in_order() -> None:
+    calls = [(3.0, 4.0), (5.0, 12.0), (8.0, 15.0)]
+    for workers in (1, 2):
+        with sim.spread(workers, lambda things, _: things) as each:
+            assert each(math.hypot, calls, "working") == [5.0, 13.0, 17.0]
+
+
+def test_drives_on_both_sides_are_refused(towns: Path, tmp_path: Path) -> None:
+    shutil.copytree(towns / "test" / "room-6", tmp_path / "copied" / "other-name")
+    with pytest.raises(EchogridError, match=r"other-name: is the test drive .*room-6, expected calibration drives"):
+        sim.run(options("--test", str(towns / "test"), "--calibrate", str(tmp_path / "copied"), "--out", str(tmp_path / "out")))
+
+
+def test_a_file_that_does_not_say_its_classes_is_refused(towns: Path, tmp_path: Path) -> None:
+    path = write(tmp_path / "bare.onnx", *default(128, 30.0 / 128))
+    arguments = ("--test", str(towns / "test"), "--calibrate", str(towns / "others"), "--model", f"bare={path}", "--workers", "1")
+    with pytest.raises(EchogridError, match=r"bare\.onnx: metadata 'echogrid' does not say the class_shares"):
+        sim.run(options(*arguments, "--out", str(tmp_path / "out")))
+
+
+def test_models_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert sim.named("a=b=c.onnx") == ("a", Path("b=c.onnx"))
+    with pytest.raises(SystemExit):
+        options("--test", "a", "--calibrate", "b", "--out", "c", "--model", "default")
+    assert "'default' found, expected NAME=FILE.onnx" in capsys.readouterr().err
+
+
+def test_what_has_no_meaning_is_a_dash() -> None:
+    assert number(None) == "–"
+    assert markdown(("a", "b"), [("x", number(0.12345))]).splitlines() == ["| a | b |", "| --- | ---: |", "| x | 0.123 |"]
+    assert cleaned({"a": [math.nan, (1.0, math.inf)], "b": "c"}) == {"a": [None, [1.0, None]], "b": "c"}

@@ -1,0 +1,55 @@
+"""The sweep's drives differ in what is varied and in nothing else, and its curves pool the towns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from tests.training.tiny_towns import room, town, track
+
+from echogrid_training.episode import paper_like
+from echogrid_training.evaluation import calibrating, sweep
+from echogrid_training.evaluation.calibrating import Plan, planned, shown
+from echogrid_training.evaluation.maps import ELFES
+from echogrid_training.evaluation.sweep import LOST, SEED, Point, curves, episode, points, swept
+
+
+@pytest.fixture(scope="module")
+def plan(room_drive: Path) -> Plan:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(calibrating, "PATCHES", 3)
+        return planned([shown(room_drive, [], with_maps=True)], [])
+
+
+def test_every_point_is_a_drive_of_its_own() -> None:
+    assert len({point.folder for point in points()}) == len(points())
+    assert {point.what for point in points()} == {"density", "mounting", "silent radars"}
+
+
+def test_only_what_is_varied_differs() -> None:
+    plain = paper_like(SEED)
+    assert episode(Point("density", "8", 0)) == replace(plain, density=8.0)
+    for lost in LOST:
+        found = episode(Point("silent radars", str(lost), 0))
+        assert sum(corner.lost == (0.0, 1.0) for corner in found.corners) == lost
+        assert replace(found, corners=plain.corners) == plain
+    mountings = [episode(Point("mounting", str(number), 0)) for number in range(2)]
+    yaws = [tuple(corner.mount.base_from_sensor.yaw for corner in found.corners) for found in mountings]
+    assert yaws[0] != yaws[1]
+    assert all(found.density == plain.density and found.radar == plain.radar for found in mountings)
+
+
+def test_a_drive_is_made_once_and_judged_by_patches_and_maps(plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tiny = town(*room(30.0, 14.0), ego=track(2.5, speed=4.0, x=-7.0))
+    monkeypatch.setattr(sweep, "make_town", lambda family, seed, seconds: tiny)
+    point = Point("silent radars", "2", 0)
+    first = swept(point, tmp_path, plan)
+    monkeypatch.setattr(sweep, "simulate", None)  # not again
+    second = swept(point, tmp_path, plan)
+    assert set(first[1]) == {"patch", "around"}
+    found = curves([first, second])["silent radars"]["2"]
+    assert found == curves([first])["silent radars"]["2"]  # the same drive twice is the same figures
+    assert set(found["AP"]) == {"Elfes, 15 m"}
+    assert set(found["IoU"]) == {ELFES}
+    assert 0 < found["AP"]["Elfes, 15 m"] < 1
