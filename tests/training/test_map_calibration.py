@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 from tests import networks
-from tests.training.tiny_towns import street, town, track
+from tests.training.tiny_towns import room, town, track
 
 from echogrid.core.look_map import Calibration
 from echogrid.core.raster import GridSpec
@@ -21,11 +21,11 @@ from echogrid_training.simulate import simulate
 
 @pytest.fixture(scope="module")
 def drives(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Two streets of twelve metres each."""
+    """Two rooms, eleven metres through each."""
     out = tmp_path_factory.mktemp("calibration")
-    for seed in (3, 4):
-        recording, truth = simulate(street(2.0, speed=6.0, seed=seed), paper_like(seed))
-        write_drive(recording, out / f"street-{seed}", truth_map=truth)
+    for seed, width in ((3, 14.0), (4, 24.0)):
+        recording, truth = simulate(town(*room(30.0, width), ego=track(1.8, speed=6.0, x=-5.0)), paper_like(seed))
+        write_drive(recording, out / f"room-{seed}", truth_map=truth)
     return sorted(out.iterdir())
 
 

@@ -52,7 +52,6 @@ def test_maps_are_the_services(room_drive: Path, driven: tuple[list[Row], list[V
         ((ELFES, 0), "analytic", "sum"),
         (("tiny, looks", 0), tiny, "looks"),
         (("tiny, sum", 0), tiny, "sum"),
-        (("paper, looks", 0), other, "looks"),
         (("paper, sum", 0), other, "sum"),
     ):
         expected = served(room_drive, model, fusion).mapper.map  # type: ignore[arg-type]

@@ -37,7 +37,7 @@ def towns(room_drive: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("towns")
     shutil.copytree(room_drive, folder / "others" / "room")
     for seed, width in ((5, 12.0), (6, 16.0)):
-        recording, truth = simulate(town(*room(26.0, width), ego=track(2.5, speed=4.0, x=-6.0), seed=seed), paper_like(seed))
+        recording, truth = simulate(town(*room(26.0, width), ego=track(2.0, speed=4.0, x=-6.0), seed=seed), paper_like(seed))
         write_drive(recording, folder / "test" / f"room-{seed}", truth_map=truth)
     return folder
 
@@ -50,7 +50,7 @@ def found(towns: Path, network_file: Path, tmp_path_factory: pytest.TempPathFact
     models = ("--model", f"tiny={network_file}", "--model", f"tiny={other}")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(calibrating, "PATCHES", 3)
-        patch.setattr(probes, "STANDING", 2)
+        patch.setattr(probes, "STANDING", 1)
         patch.setattr(probes, "STARTS", (0.3,))
         patch.setattr(sim, "PROBED", 1)
         folders = ("--test", str(towns / "test"), "--calibrate", str(towns / "others"), "--out", str(out))

@@ -22,7 +22,7 @@ def average_precision(scores: NDArray[np.floating], occupied: Mask) -> float:
     return float(precision_area(np.stack([np.bincount(place[occupied == kind], minlength=len(_)) for kind in (False, True)])))
 
 
-def precision_area(histogram: Counts) -> Floats:
+def precision_area(histogram: Counts | Floats) -> Floats:
     """Average precision (…,) of cells counted by score: (…, 2, B), free and occupied, bins of rising score. NaN where none is occupied."""
     false, true = (np.cumsum(histogram[..., kind, ::-1], axis=-1) for kind in (0, 1))
     precision = true / np.maximum(true + false, 1)

@@ -31,7 +31,7 @@ def drive_sheet(halves: HalfMaps) -> Image.Image:
         for method, title in TITLES.items()
     ]
     left_out = dotted(pictures[-1][1], (halves.left_out - origin) / where.cell, columns)
-    return sheet([*pictures, ("the detections that were left out", left_out)], across=2)
+    return sheet([*pictures, ("left-out detections", left_out)], across=2)
 
 
 def frame_sheet(frames: Sequence[Frame], judge: Judge) -> Image.Image:

@@ -50,9 +50,7 @@ def by_town(of: Sequence[Judged], level: str) -> dict[Key, list[Tally]]:
 
 def _level(level: str, of: Sequence[Judged]) -> Figures:
     towns = by_town(of, level)
-    draws = resamples(len(next(iter(towns.values()))))
-    drawn = {name: _mean([resampled(towns[key], draws) for key in _seeds(towns, name)]) for name in _names(towns)}
-    reference = drawn.get(REFERENCE.get(level, ""))
+    drawn = _drawn(towns) if level in REFERENCE else {}
     out: Figures = {}
     for name in _names(towns):
         sums = [summed(towns[key]) for key in _seeds(towns, name)]
@@ -60,8 +58,9 @@ def _level(level: str, of: Sequence[Judged]) -> Figures:
         out[name] = {figure: _mean_of([seed[figure] for seed in seeds]) for figure in seeds[0]}
         if len(seeds) > 1:
             out[name]["sd"] = {figure: float(np.std([seed[figure] for seed in seeds], ddof=1)) for figure in seeds[0]}
-        out[name]["interval"] = {figure: interval(values) for figure, values in drawn[name].items()}
-        if reference is not None:
+        if drawn:
+            reference = drawn[REFERENCE[level]]
+            out[name]["interval"] = {figure: interval(values) for figure, values in drawn[name].items()}
             out[name]["over_reference"] = {figure: interval(values - reference[figure]) for figure, values in drawn[name].items()}
         if len(sums[0].histogram) > 1:
             strata = [by_stratum(one, STRATA) for one in sums]
@@ -70,6 +69,12 @@ def _level(level: str, of: Sequence[Judged]) -> Figures:
             }
         out[name]["reliability"] = sums[0].reliability.tolist()
     return out
+
+
+def _drawn(towns: dict[Key, list[Tally]]) -> dict[str, dict[str, Floats]]:
+    """Headline figures of resampled towns, the mean over seeds, by method."""
+    draws = resamples(len(next(iter(towns.values()))))
+    return {name: _mean([resampled(towns[key], draws) for key in _seeds(towns, name)]) for name in _names(towns)}
 
 
 def _revisit(of: Sequence[Judged]) -> Figures:

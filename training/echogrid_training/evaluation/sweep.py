@@ -8,11 +8,11 @@ from pathlib import Path
 
 from echogrid_training.drive import write_drive
 from echogrid_training.episode import Episode, draw_episode, paper_like
-from echogrid_training.evaluation.baselines import BASELINES
+from echogrid_training.evaluation.baselines import BASELINES, MEAN_PATCH
 from echogrid_training.evaluation.calibrating import Plan
 from echogrid_training.evaluation.judging import Book, judge_patches
 from echogrid_training.evaluation.learned import Key, networks
-from echogrid_training.evaluation.maps import ELFES, Geometry, drive_through, rows
+from echogrid_training.evaluation.maps import Geometry, drive_through, rows
 from echogrid_training.evaluation.results import REFERENCE
 from echogrid_training.evaluation.tally import Tally, figures, summed
 from echogrid_training.evaluation.tape import load_tape
@@ -101,4 +101,5 @@ def curves(of: Sequence[Swept]) -> dict[str, dict[str, dict[str, dict[str, float
 def _compared(key: Key) -> bool:
     """Not every baseline, nor a map's layers alone."""
     name, seed = key
-    return seed == 0 and "layer" not in name and (name in (REFERENCE["patch"], ELFES) or name not in BASELINES)
+    plain = name in BASELINES or name == MEAN_PATCH
+    return seed == 0 and "layer" not in name and (name in REFERENCE.values() or not plain)

@@ -158,7 +158,7 @@ def resamples(towns: int, seed: int = 0) -> Counts:
 
 def resampled(towns: Sequence[Tally], draws: Counts) -> dict[str, Floats]:
     """(RESAMPLED,) of each headline figure, with the towns drawn as `resamples` says: the same draws for all methods, so pairs compare."""
-    histogram = np.tensordot(draws, np.stack([town.histogram[0] for town in towns]), axes=1)
+    histogram = np.tensordot(draws.astype(float), np.stack([town.histogram[0] for town in towns]).astype(float), axes=1)  # floats: BLAS
     counts = np.tensordot(draws, np.stack([town.overlap for town in towns]), axes=1)
     cells = draws @ np.array([town.said[1] for town in towns])
     table = np.tensordot(draws, np.stack([town.reliability for town in towns]), axes=1)
