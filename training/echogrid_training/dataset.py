@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import multiprocessing
+import os
 import zipfile
 import zlib
 from collections.abc import Iterable, Sequence
@@ -140,7 +141,7 @@ def load_drive(drive: Path, disturbed: bool = False) -> Samples:
         )
     what = Disturbance(zlib.crc32(drive.name.encode())) if disturbed else None
     cut = packed(samples.samples(drive, what))
-    partial = kept.with_name(f".{kept.name}.partial")
+    partial = kept.with_name(f".{kept.name}.{os.getpid()}.partial")  # under torchrun several processes may cut the same drive
     try:
         with partial.open("wb") as file:
             np.savez_compressed(file, **{name: getattr(cut, name) for name in ARRAYS}, source=np.array(source))

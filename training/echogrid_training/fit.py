@@ -47,6 +47,8 @@ def run(options: argparse.Namespace, track: Track = untracked) -> str:
     chosen = {} if options.epochs is None else {"epochs": options.epochs}
     settings = (train.small if options.small else train.Settings)(options.network, options.weighting, seed=options.seed, **chosen)
     trained = train.fit(samples, validation, settings, options.out, resume=options.resume, track=track)
+    if int(os.environ.get("RANK", "0")):
+        return "the first process judges and exports"
     way, model = trained.recipe(), trained.model()
     rows = [_row("validation", len(held_out), len(validation), train.judge(way, model, validation))]
     if options.test is not None:
