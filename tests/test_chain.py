@@ -127,8 +127,8 @@ def shown(pipeline: Pipeline, messages: Sequence[can.Message]) -> list[tuple[SE2
 
 def test_a_network_is_shown_what_stands_and_from_where_it_was_measured(tmp_path: Path) -> None:
     """Round a bend past a wall, with a car that passes: what is left of the last 15 m lies on the wall but for single ones of the car,
-    and every
-    ray and every look comes from where a radar once was on the path that was driven."""
+    and every ray and every look comes from where a radar once was on the path that was driven.
+    """
     path = world.circle(8.0, 0.1)
     passing = world.moving(world.rectangle(60.0, 3.0), (-12.0, 0.0))
     found = shown(made(tmp_path), world.record(path, [WALL, passing], 4.0))

@@ -58,7 +58,7 @@ def test_the_smallest_configuration_drives(tmp_path: Path) -> None:
         (("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "ford_mrr"'), "comes without a DBC file"),
         (("yaw_deg = 45.0", 'yaw_deg = 45.0\ndbc = "none.dbc"'), "none.dbc: cannot be read: No such file"),
         (('name = "front_left"', 'name = "front_left'), "is not valid TOML"),
-        (('model = "analytic"', 'model = "best"'), "model: Expected `str` matching regex"),
+        (('model = "analytic"', 'model = "best"'), "model: 'best' found, expected analytic, default, paper, or the path of an .onnx file"),
         (('vehicle = "test"', 'model_fallback = "yes"'), "model_fallback: Expected `bool`, got `str`"),
         (('vehicle = "test"', 'map.fusion = "looks"'), "map.fusion: 'looks' found, expected 'sum' for the analytic model"),
         (('vehicle = "test"', 'map.fusion = "mean"'), "map.fusion: "),

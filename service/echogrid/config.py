@@ -130,7 +130,7 @@ class Config(Table, frozen=True):
     motion: Motion
     radar: tuple[Radar, ...] = ()
     vehicle: Name = "car"
-    model: Annotated[str, Meta(pattern=r"^(analytic|default|paper)$|\.onnx$")] = "default"  # or the path of an .onnx file
+    model: str = "default"  # one of NAMED, or the path of an .onnx file
     model_fallback: bool = False  # the analytic model where the configured one is not sound
     body: Body = Body()
     grid: Grid = Grid()
@@ -147,7 +147,8 @@ def load_config(path: Path, model: str | None = None) -> Config:
     """
     config = load(path, Config)
     if model is not None:
-        config = msgspec.structs.replace(config, model=model if model in NAMED else str(Path(model).resolve()))
+        path_or_name = str(Path(model).resolve()) if model.endswith(".onnx") else model
+        config = msgspec.structs.replace(config, model=path_or_name)
     problem = next(_problems(config), None)
     if problem is not None:
         raise EchogridError(f"{path}: {problem}")
@@ -166,6 +167,8 @@ def _problems(config: Config) -> Iterator[str]:
     known = ", ".join(buses)
     if config.motion.bus not in buses:
         yield f"motion.bus: no [[bus]] is named '{config.motion.bus}', found {known}"
+    if config.model not in NAMED and not config.model.endswith(".onnx"):
+        yield f"model: '{config.model}' found, expected {', '.join(NAMED)}, or the path of an .onnx file"
     if config.model == "analytic" and config.map.fusion == "looks":
         yield "map.fusion: 'looks' found, expected 'sum' for the analytic model: its answers are independent, a network's are not"
     body = config.body

@@ -151,7 +151,8 @@ def traced(trained: Trained, kind: torch.dtype) -> onnx.ModelProto:
         exported: nn.Module = ExportedPaper(model)
         empty = torch.full((1, 1, side, side), -1.0)
     else:
-        exported = ExportedUNet(model)  # type: ignore[arg-type]
+        assert isinstance(model, UNet)
+        exported = ExportedUNet(model)
         empty = torch.zeros((1, 4 * len(CHANNELS), side // 2, side // 2), dtype=kind)
     logging.getLogger(REGISTRY).setLevel(logging.ERROR)
     with warnings.catch_warnings():

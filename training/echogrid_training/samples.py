@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -66,7 +66,7 @@ def samples(folder: Path, disturbance: Disturbance | None = None, spacing: float
     mapper.map = Unwritten(spec, Calibration())
     mapper.infer = infer
     if disturbance is not None:
-        mapper.on_scan = _disturbed(mapper.on_scan, disturbance)  # type: ignore[method-assign]
+        mapper.on_scan = _disturbed(mapper.on_scan, disturbance)  # type: ignore[assignment, method-assign]  # the one way that scans take in
     last: SE2 | None = None
     for message in Log(drive.log):
         seen.clear()
@@ -80,7 +80,7 @@ def samples(folder: Path, disturbance: Disturbance | None = None, spacing: float
             yield Sample(update.ego.stamp_ns, lidar.astype(np.uint8), raster(seen[0]), truth.map.patch(pose, spec), pose)
 
 
-def _disturbed(on_scan, disturbance: Disturbance):  # type: ignore[no-untyped-def]
+def _disturbed(on_scan: Callable[[RadarScan], None], disturbance: Disturbance) -> Callable[[RadarScan], None]:
     def passed(scan: RadarScan) -> None:
         left = disturbance(scan)
         if left is not None:

@@ -182,7 +182,8 @@ def _fit(
             errors = judge(way, run.average, thinned(held_out, LOOK))["ternary"]
             line = {"epoch": run.epoch, "step": run.epoch * per_epoch, "loss": total / per_epoch, "seconds": time.monotonic() - began}
             _note(out / LOG, line | {"held_out_mse": errors})
-            board.add_scalars("held-out class MSE", errors, run.epoch * per_epoch)
+            for name, error in errors.items():
+                board.add_scalar(f"held-out class MSE/{name}", error, run.epoch * per_epoch)
             _save(out / CHECKPOINT, {"what": what, "run": run.state()})
     if board is not None:
         board.close()

@@ -49,7 +49,7 @@ class Core(nn.Module):
         self.reset()
 
     def reset(self) -> None:
-        """He's start, and a head whose first answers are the classes' shares under the loss's weights."""
+        """He's start, and a head that at first says next to nothing of any class."""
         for weight in self.parameters():
             if weight.dim() == 4:
                 nn.init.kaiming_normal_(weight, mode="fan_out", nonlinearity="relu")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 
 from echogrid.core.inverse_sensor_model import AnalyticSensorModel, BeamModel
 from echogrid.core.mount import Mount
@@ -39,7 +40,7 @@ def test_the_services_answer_for_the_same_detections() -> None:
         np.testing.assert_allclose(beam.free * passed + beam.occupied * ended, expected, atol=1e-5)
 
 
-def test_portions_change_nothing(monkeypatch) -> None:  # type: ignore[no-untyped-def]
+def test_portions_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     points, origins = detections(5)
     whole = traced(points, origins, SPEC, BeamModel())
     monkeypatch.setattr(beams, "MOST_POINTS", 500)

@@ -8,6 +8,7 @@ import math
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 from tests.networks import default, write
@@ -33,12 +34,11 @@ def options(*arguments: str) -> argparse.Namespace:
 
 @pytest.fixture(scope="module")
 def towns(room_drive: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two rooms to be judged by, in `test`; another to calibrate by, in `others`."""
+    """A room to be judged by, in `test`; another to calibrate by, in `others`."""
     folder = tmp_path_factory.mktemp("towns")
     shutil.copytree(room_drive, folder / "others" / "room")
-    for seed, width in ((5, 12.0), (6, 16.0)):
-        recording, truth = simulate(town(*room(26.0, width), ego=track(2.0, speed=4.0, x=-6.0), seed=seed), paper_like(seed))
-        write_drive(recording, folder / "test" / f"room-{seed}", truth_map=truth)
+    recording, truth = simulate(town(*room(26.0, 12.0), ego=track(2.0, speed=4.0, x=-6.0), seed=5), paper_like(5))
+    write_drive(recording, folder / "test" / "room-5", truth_map=truth)
     return folder
 
 
@@ -52,7 +52,6 @@ def found(towns: Path, network_file: Path, tmp_path_factory: pytest.TempPathFact
         patch.setattr(calibrating, "PATCHES", 3)
         patch.setattr(probes, "STANDING", 1)
         patch.setattr(probes, "STARTS", (0.3,))
-        patch.setattr(sim, "PROBED", 1)
         folders = ("--test", str(towns / "test"), "--calibrate", str(towns / "others"), "--out", str(out))
         said = sim.run(options(*folders, *models, "--workers", "1", "--patches", "4"))
     return said, out
@@ -60,14 +59,14 @@ def found(towns: Path, network_file: Path, tmp_path_factory: pytest.TempPathFact
 
 def test_all_methods_are_judged_on_all_levels(found: tuple[str, Path]) -> None:
     results = json.loads((found[1] / "results.json").read_text())
-    assert (results["drives"], results["towns"], results["calibration_drives"], results["patches"]) == (2, 2, 1, 8)
+    assert (results["drives"], results["towns"], results["calibration_drives"], results["patches"]) == (1, 1, 1, 4)
     assert set(results["levels"]["patch"]) == {"mean patch", "tiny", *BASELINES}
     maps = {"Elfes, sum", "tiny, looks", "tiny, sum", "tiny, learned layer of looks", "geometric layer of looks"}
     for level in ("around", "finished", "revisited", "after 1 looks"):
         assert set(results["levels"][level]) == maps
     for row in results["levels"]["patch"].values():
         assert set(row["strata"]) == set(STRATA)
-        assert row["interval"]["ap"][0] <= row["ap"] <= row["interval"]["ap"][1]
+        np.testing.assert_allclose(row["interval"]["ap"], row["ap"], atol=1e-9)  # one town alone
     assert results["levels"]["patch"]["Elfes, 15 m"]["ap"] > 2 * results["levels"]["patch"]["all unknown"]["ap"]
 
 
@@ -86,7 +85,7 @@ def test_tables_and_pictures(found: tuple[str, Path]) -> None:
         assert name in said
     widths = {line.count(" |") for line in said.split("### Single map updates\n\n")[1].split("\n\n")[0].splitlines()}
     assert len(widths) == 1  # every row has all columns
-    for name in ("patch-room-5", "patch-room-6", "finished-room-5", "reliability-patch", "reliability-around", "reliability-finished"):
+    for name in ("patch-room-5", "finished-room-5", "reliability-patch", "reliability-around", "reliability-finished"):
         with Image.open(out / f"{name}.png") as picture:
             assert min(picture.size) > 400
 
@@ -99,8 +98,8 @@ def test_work_is_spread_in_order() -> None:
 
 
 def test_drives_on_both_sides_are_refused(towns: Path, tmp_path: Path) -> None:
-    shutil.copytree(towns / "test" / "room-6", tmp_path / "copied" / "other-name")
-    with pytest.raises(EchogridError, match=r"other-name: is the test drive .*room-6, expected calibration drives"):
+    shutil.copytree(towns / "test" / "room-5", tmp_path / "copied" / "other-name")
+    with pytest.raises(EchogridError, match=r"other-name: is the test drive .*room-5, expected calibration drives"):
         sim.run(options("--test", str(towns / "test"), "--calibrate", str(tmp_path / "copied"), "--out", str(tmp_path / "out")))
 
 

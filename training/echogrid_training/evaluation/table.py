@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from echogrid_training.evaluation.patches import RINGS, STRATA
@@ -90,7 +90,10 @@ def _published(rows: dict[str, Row], models: dict[str, Any]) -> dict[str, Row]:
 def _strata(rows: dict[str, Row], strata: Sequence[str]) -> str:
     first = next(iter(rows.values()))["strata"]
     shares = [f"{name} ({first[name]['cells'] or 0:.0%}, {first[name]['occupied'] or 0:.1%} occupied)" for name in strata]
-    cell: Callable[[Row, str], str] = lambda row, name: f"{number(row['strata'][name]['ap'])} / {number(row['strata'][name]['nll'])}"  # noqa: E731
+
+    def cell(row: Row, name: str) -> str:
+        return f"{number(row['strata'][name]['ap'])} / {number(row['strata'][name]['nll'])}"
+
     return markdown(("method", *shares), [(name, *(cell(row, stratum) for stratum in strata)) for name, row in rows.items()])
 
 
