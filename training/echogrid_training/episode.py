@@ -91,8 +91,8 @@ class Episode:
     density: float
     thinning: float = 0.0  # 0: a low density is all low power; 1: all arbitrary misses
     ghosts: float = 0.05  # share of the reflections that a wall mirrors
-    clutter: float = 0.02  # detections of nothing, as a share of the density
-    ground: float = 0.003  # the same for the ground near the car
+    clutter: float = 0.01  # detections of nothing, as a share of the density
+    ground: float = 0.001  # the same for the ground near the car
     dropped: float = 0.005  # share of scans that never come
 
 
@@ -137,9 +137,9 @@ def draw_episode(seed: int, family: str) -> Episode:
         motion=_motion(rng),
         density=density,
         thinning=float(rng.uniform()),
-        ghosts=float(rng.uniform(0.02, 0.08)),
-        clutter=float(rng.uniform(0.005, 0.04)),
-        ground=float(rng.uniform(0.0, 0.01)),
+        ghosts=float(rng.uniform(0.01, 0.06)),
+        clutter=float(rng.uniform(0.003, 0.02)),
+        ground=float(rng.uniform(0.0, 0.002)),
         dropped=_log(rng, 0.001, 0.01),
     )
 

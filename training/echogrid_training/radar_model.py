@@ -233,12 +233,12 @@ def measure(found: Echoes, corner: Corner, radar: RadarType, rng: np.random.Gene
 
 
 def clutter(sensor: Sensor, episode: Episode, power: float, rng: np.random.Generator) -> Echoes:
-    """Detections of nothing, half of which move, and of the ground near the car."""
+    """Detections of nothing, half of which move, the more of them the farther away, and of the ground near the car."""
     radar = episode.radar
-    nothing = rng.poisson(episode.clutter * episode.density * (CLUTTER_REACH / NEAR) ** 2)
+    nothing = rng.poisson(episode.clutter * episode.density * (CLUTTER_REACH / NEAR) ** 3)
     ground = rng.poisson(episode.ground * episode.density)
     out = np.zeros(nothing + ground, dtype=ECHO)
-    out["range"][:nothing] = np.maximum(CLUTTER_REACH * np.sqrt(rng.uniform(size=nothing)), 1.0)
+    out["range"][:nothing] = np.maximum(CLUTTER_REACH * np.cbrt(rng.uniform(size=nothing)), 1.0)
     out["range"][nothing:] = rng.uniform(1.5, 8.0, ground)
     out["azimuth"] = rng.uniform(-radar.half_fov, radar.half_fov, len(out))
     bearing = out["azimuth"] + sensor.yaw

@@ -186,7 +186,7 @@ def _guard_rail(sides: Sides, rng: np.random.Generator) -> Scatterers:
 def _kerb(sides: Sides, rng: np.random.Generator) -> Scatterers:
     """An edge so low that it is only seen near."""
     places, _ = _along(sides, 3.0, rng)
-    return points(places, rng, rcs=rng.uniform(-38.0, -22.0, len(places)))
+    return points(places, rng, rcs=rng.uniform(-50.0, -34.0, len(places)))
 
 
 def _corners(outline: Floats, rng: np.random.Generator) -> Scatterers:
