@@ -13,6 +13,7 @@ import pytest
 from PIL import Image
 from tests.networks import default, write
 from tests.training.evaluation.conftest import SHARES
+from tests.training.rectangles import rectangles
 from tests.training.tiny_towns import room, town, track
 
 from echogrid.errors import EchogridError
@@ -24,6 +25,7 @@ from echogrid_training.evaluation.patches import STRATA
 from echogrid_training.evaluation.results import cleaned
 from echogrid_training.evaluation.table import markdown, number
 from echogrid_training.simulate import simulate
+from echogrid_training.train import Settings, fit
 
 
 def options(*arguments: str) -> argparse.Namespace:
@@ -47,7 +49,9 @@ def found(towns: Path, network_file: Path, tmp_path_factory: pytest.TempPathFact
     out = tmp_path_factory.mktemp("out")
     graph, contract = default(128, 30.0 / 128)
     other = write(out / "other.onnx", graph, contract | {"class_shares": SHARES, "calibration": {"learned": 2.0}})
-    models = ("--model", f"tiny={network_file}", "--model", f"tiny={other}")
+    settings = Settings("paper", epochs=1, width=2, batch=4, per_epoch=8, sensor="lidar")
+    fit(rectangles(8, 1), rectangles(4, 2), settings, out / "lidar")
+    models = ("--model", f"tiny={network_file}", "--model", f"tiny={other}", "--model", f"lidar={out / 'lidar' / 'model.pt'}")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(calibrating, "PATCHES", 3)
         patch.setattr(probes, "STANDING", 1)
@@ -60,7 +64,7 @@ def found(towns: Path, network_file: Path, tmp_path_factory: pytest.TempPathFact
 def test_all_methods_are_judged_on_all_levels(found: tuple[str, Path]) -> None:
     results = json.loads((found[1] / "results.json").read_text())
     assert (results["drives"], results["towns"], results["calibration_drives"], results["patches"]) == (1, 1, 1, 4)
-    assert set(results["levels"]["patch"]) == {"mean patch", "tiny", *BASELINES}
+    assert set(results["levels"]["patch"]) == {"mean patch", "tiny", "lidar", *BASELINES}
     maps = {"Elfes, sum", "tiny, looks", "tiny, sum", "tiny, learned layer of looks", "geometric layer of looks"}
     for level in ("around", "finished", "revisited", "after 1 looks"):
         assert set(results["levels"][level]) == maps
@@ -114,7 +118,7 @@ def test_models_are_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert sim.named("a=b=c.onnx") == ("a", Path("b=c.onnx"))
     with pytest.raises(SystemExit):
         options("--test", "a", "--calibrate", "b", "--out", "c", "--model", "default")
-    assert "'default' found, expected NAME=FILE.onnx" in capsys.readouterr().err
+    assert "'default' found, expected NAME=FILE.onnx or NAME=FILE.pt" in capsys.readouterr().err
 
 
 def test_what_has_no_meaning_is_a_dash() -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from echogrid.core.messages import Floats
 from echogrid_training.dataset import SPEC
 from echogrid_training.evaluation.baselines import BASELINES, MEAN_PATCH, MeanPatch, Method, mean_patch
-from echogrid_training.evaluation.learned import File, Key, networks
+from echogrid_training.evaluation.learned import File, Key, networks, upper_bounds
 from echogrid_training.evaluation.maps import Geometry, drive_through, rows
 from echogrid_training.evaluation.metrics import Mask
 from echogrid_training.evaluation.patches import patches
@@ -57,11 +57,11 @@ class Shown:
 def shown(folder: Path, files: Sequence[File], with_maps: bool) -> Shown:
     """All candidates on one drive's patches and, if asked for, all maps. Raises EchogridError."""
     tape, rng = load_tape(folder), np.random.default_rng(zlib.crc32(folder.name.encode()))
-    learned = networks(files, tape.mounts)
+    learned, bounds = networks(files, tape.mounts), upper_bounds(files)
     out = Shown([], np.zeros((SPEC.cells, SPEC.cells)), np.zeros((SPEC.cells, SPEC.cells)))
     for patch in patches(tape, PATCHES):
         said = {(name, index): method(patch).scores for name, grid in BASELINES.items() for index, method in enumerate(grid)}
-        said |= {key: network.answer(patch).scores for key, network in learned.items()}
+        said |= {key: network.answer(patch).scores for key, network in (learned | bounds).items()}
         out.drawn.append(draw("patch", patch.place, said, rng))
         out.free[:] += patch.place.truth < 0
         out.occupied[:] += patch.place.truth > 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from echogrid.core.raster import Image
 from echogrid_training.dataset import town
 from echogrid_training.evaluation.baselines import Answer
 from echogrid_training.evaluation.calibrating import Plan
-from echogrid_training.evaluation.learned import Key, Network, networks
+from echogrid_training.evaluation.learned import Key, Network, networks, upper_bounds
 from echogrid_training.evaluation.maps import Geometry, View, drive_through, rows
 from echogrid_training.evaluation.metrics import distances
 from echogrid_training.evaluation.patches import Patch, patches
@@ -86,12 +86,13 @@ def judged(folder: Path, plan: Plan, count: int, probed: bool) -> Judged:
     return Judged(folder.name, town(folder), number, book.tallies, stood, patch, None if middle is None else _view_shown(middle, plan))
 
 
-def judge_patches(tape: Tape, plan: Plan, learned: Mapping[Key, Network], count: int, book: Book) -> tuple[Picture | None, int]:
+def judge_patches(tape: Tape, plan: Plan, learned: dict[Key, Network], count: int, book: Book) -> tuple[Picture | None, int]:
     """Into the book; returns the middle patch as a picture, and how many there were."""
     readings, picture, number = plan.readings["patch"], None, 0
+    every = learned | upper_bounds(plan.files)
     for number, patch in enumerate(patches(tape, count), start=1):
         answers = {key: method(patch) for key, method in plan.methods.items()}
-        answers |= {key: network.answer(patch) for key, network in learned.items()}
+        answers |= {key: network.answer(patch) for key, network in every.items()}
         book.add("patch", readings, patch.place, answers.items())
         if number == count // 2 + 1 or picture is None:
             picture = _patch_shown(patch, {key: readings[key](answer.scores) for key, answer in answers.items()})

@@ -1,4 +1,7 @@
-"""Networks as the service runs them, from their files: as a method for single patches, and as what fills a map by either rule."""
+"""Networks as the service runs them, from their files: as a method for single patches, and as what fills a map by either rule.
+
+Beside them the paper's autoencoder on the lidar's image, straight from its training: what a network could say at best.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +20,10 @@ from echogrid.core.mount import Mount
 from echogrid.core.raster import Image
 from echogrid.errors import EchogridError
 from echogrid.io.model import KEY, PAPER, OnnxSensorModel, Planes
-from echogrid_training.dataset import SPEC
+from echogrid_training.dataset import SPEC, of_lidar
 from echogrid_training.evaluation.baselines import Answer
 from echogrid_training.evaluation.patches import Patch
+from echogrid_training.train import load_trained
 from echogrid_training.unet import evenly
 
 Key = tuple[str, int]  # a method's name, and which of its seeds
@@ -33,7 +37,7 @@ class Learned(msgspec.Struct):
 
 @dataclass(frozen=True)
 class File:
-    """One trained network; files of one name are the same network from other seeds."""
+    """One trained network, .onnx or, for the lidar's, .pt; files of one name are the same network from other seeds."""
 
     name: str
     path: Path
@@ -109,7 +113,29 @@ class Network:
         return self.model.draw(around) if self.model.contract.channels == PAPER else self._artist(around)
 
 
+class LidarNetwork:
+    """An upper bound for single patches: a sensor that misses nothing it sees, and one turn of it. It makes no map of the service's."""
+
+    def __init__(self, file: File) -> None:
+        """Raises EchogridError where the file is not of a network that is shown the lidar's image."""
+        trained = load_trained(file.path)
+        if trained.settings.sensor != "lidar":
+            raise EchogridError(f"{file.path}: is a network of the {trained.settings.sensor}'s image, expected the lidar's")
+        self._recipe, self._model = trained.recipe(), trained.model()
+
+    @torch.inference_mode()
+    def answer(self, patch: Patch) -> Answer:
+        """As Network.answer."""
+        packed = np.packbits(patch.lidar.reshape(1, -1), axis=1)
+        return Answer.of_log_odds(self._recipe.log_odds(self._model(torch.from_numpy(of_lidar(packed))))[0].numpy())
+
+
 def networks(files: Iterable[File], mounts: Mapping[str, Mount]) -> dict[Key, Network]:
-    """All of them, for one car. Raises EchogridError."""
+    """Those that the service can run, for one car. Raises EchogridError."""
     artist = Artist(mounts)
-    return {key: Network(file, mounts, artist) for key, file in numbered(files)}
+    return {key: Network(file, mounts, artist) for key, file in numbered(files) if file.path.suffix == ".onnx"}
+
+
+def upper_bounds(files: Iterable[File]) -> dict[Key, LidarNetwork]:
+    """The others. Raises EchogridError."""
+    return {key: LidarNetwork(file) for key, file in numbered(files) if file.path.suffix == ".pt"}

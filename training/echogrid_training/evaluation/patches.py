@@ -12,7 +12,7 @@ from echogrid.core.history import Surroundings
 from echogrid.core.history_raster import CHANNELS, Bytes, HistoryRaster
 from echogrid.core.look_map import Calibration
 from echogrid.core.mount import Mount
-from echogrid.core.raster import GridSpec, Image
+from echogrid.core.raster import GridSpec, Image, rasterize
 from echogrid_training.dataset import SPEC
 from echogrid_training.evaluation.metrics import Mask
 from echogrid_training.evaluation.tally import Place
@@ -37,6 +37,7 @@ class Patch:
 
     around: Surroundings
     image: Bytes  # (12, H, W)
+    lidar: Bytes  # (H, W): 1 where the lidar has a return in its nearest turn, else 0
     mounts: dict[str, Mount]
     place: Place
 
@@ -58,14 +59,15 @@ def patches(tape: Tape, count: int) -> Iterator[Patch]:
     for ego in play(tape.events, [mapper]):
         pose = tape.truth.pose(ego.stamp_ns)
         if seen and pose is not None and marks.reached(pose):
-            found.append((seen[0], pose))
+            found.append((seen[0], pose, ego.stamp_ns))
         seen.clear()
     raster, outer = HistoryRaster(SPEC, tape.mounts), outside(tape.config, SPEC)
     for index in spread(len(found), count):
-        around, pose = found[index]
+        around, pose, stamp_ns = found[index]
+        lidar = (rasterize(tape.truth.lidar_points(stamp_ns, pose), SPEC)[0] > 0).astype(np.uint8)
         truth, image = tape.truth.map.patch(pose, SPEC), raster(around)
         mounts = [tape.mounts[name] for name in around.live]
-        yield Patch(around, image, tape.mounts, Place(truth, outer, strata(truth > 0, image, mounts, SPEC)))
+        yield Patch(around, image, lidar, tape.mounts, Place(truth, outer, strata(truth > 0, image, mounts, SPEC)))
 
 
 def spread(length: int, count: int) -> Sequence[int]:

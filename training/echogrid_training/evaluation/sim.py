@@ -31,8 +31,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=named,
         action="append",
         default=[],
-        metavar="NAME=FILE.onnx",
-        help="a network, as often as you like; files of one NAME are seeds of one network",
+        metavar="NAME=FILE",
+        help="a network's .onnx, or the model.pt of an autoencoder of the lidar's image as an upper bound; as often as you like; "
+        "files of one NAME are seeds of one network",
     )
     parser.add_argument("--patches", type=positive, default=60, metavar="N", help="of each test drive (default: 60)")
     parser.add_argument("--sweep", action="store_true", help="also over density, mounting, silent radars; drives of its own in OUT/sweep")
@@ -44,8 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def named(text: str) -> tuple[str, Path]:
     """NAME=FILE."""
     name, _, path = text.partition("=")
-    if not name or not path.endswith(".onnx"):
-        raise argparse.ArgumentTypeError(f"'{text}' found, expected NAME=FILE.onnx")
+    if not name or not path.endswith((".onnx", ".pt")):
+        raise argparse.ArgumentTypeError(f"'{text}' found, expected NAME=FILE.onnx or NAME=FILE.pt")
     return name, Path(path)
 
 
