@@ -22,7 +22,9 @@ from echogrid.core.raster import GridSpec
 from echogrid.core.se2 import SE2
 from echogrid.errors import EchogridError
 from echogrid.io import cdr
+from echogrid.io.diagnostics import diagnostics
 from echogrid.io.publisher import Publisher, session_config
+from tests.status import status as a_status
 
 PATIENCE = 10.0  # s: far beyond what anything here takes
 LOG_ODDS = np.array([[0, 3.5, -3.5], [1, 0, 0]], dtype=np.float32)
@@ -88,11 +90,14 @@ def test_a_cell_is_found_where_it_lies(endpoint: str, x: float, y: float) -> Non
     assert found == pytest.approx((x, y), abs=grid.cell)
 
 
-def test_odometry_and_status_arrive(endpoint: str) -> None:
+def test_odometry_status_and_diagnostics_arrive(endpoint: str) -> None:
     ego = EgoState(77, SE2(1.25, -2.5, 3 * math.pi), -1.5, 0.25)
+    sent = diagnostics(a_status("degraded", "radar rear_right: late"), "car", 78)
     with publish(endpoint) as publisher, Client(endpoint) as client:
         pose = until(lambda: client.odometry(0.02), lambda: publisher.odometry(ego))
         status = until(lambda: client.status(0.02), lambda: publisher.status({"cycles": 3, "sensors": {"fl": {"late": 0}}}))
+        received = until(lambda: client.diagnostics(0.02), lambda: publisher.diagnostics(sent))
+    assert received == sent
     assert isinstance(pose, Pose)
     assert (pose.stamp_ns, pose.x, pose.y, pose.speed, pose.yaw_rate) == (77, 1.25, -2.5, -1.5, 0.25)
     assert abs(pose.yaw) == pytest.approx(math.pi)
@@ -116,7 +121,7 @@ def test_the_latest_wins(endpoint: str) -> None:
 
 def test_none_when_the_time_is_over(endpoint: str) -> None:
     with publish(endpoint), Client(endpoint) as client:
-        for read in (client.grid, client.odometry, client.status):
+        for read in (client.grid, client.odometry, client.status, client.diagnostics):
             started = time.monotonic()
             assert read(0.1) is None
             assert 0.1 <= time.monotonic() - started < 1.0
@@ -172,6 +177,7 @@ def test_malformed_payloads_are_counted_and_skipped(endpoint: str) -> None:
         "grid/fused/full": cdr.encode_grid(cdr.Grid(5, "odom", 0.5, (0.0, 0.0), np.zeros((2, 2), dtype=np.int8))),
         "odom": cdr.encode_odometry(cdr.Odometry(5, "odom", "base", SE2(0, 0, 0), 0.0, 0.0)),
         "status": b'{"state": "running"}',
+        "diagnostics": cdr.encode_diagnostics(cdr.DiagnosticArray(5, "", ())),
     }
     noise = (b"", b"\0", b"[1]", b'{"a": "\xff"}', b'{"a": 1', b'{"a": ' + b"[" * 100_000, bytes(1000), good["odom"] + b"!")
     with zenoh.open(session_config((endpoint,), (), sends=False)) as session, Client(endpoint) as client:
@@ -182,7 +188,8 @@ def test_malformed_payloads_are_counted_and_skipped(endpoint: str) -> None:
             until(lambda: (read(0.01), client.malformed > before or None)[1])
             assert client.malformed == before + 1
 
-        for name, read in (("grid/fused/full", client.grid), ("odom", client.odometry), ("status", client.status)):
+        reads = (client.grid, client.odometry, client.status, client.diagnostics)
+        for name, read in zip(good, reads, strict=True):
             publisher = session.declare_publisher(f"echogrid/v1/car/{name}")
             until(lambda read=read: read(0.02), lambda publisher=publisher, name=name: publisher.put(good[name]))
             for payload in noise:

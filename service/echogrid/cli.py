@@ -1,43 +1,66 @@
-"""The command line: `echogrid run | replay | check | demo`."""
+"""The command line: `echogrid run | status | replay | check | demo`."""
 
 from __future__ import annotations
 
 import argparse
 import logging
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
 from echogrid import __version__
+from echogrid.config import Publish
 from echogrid.errors import EchogridError
+from echogrid.io import journal
 
 
 def main() -> None:
     """Exits with 0, or with 1 and one sentence on stderr."""
     arguments = _parser().parse_args()
-    logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s", stream=sys.stderr)
+    journal.configure(arguments.log_level)
     try:
         arguments.command(arguments)
     except EchogridError as error:
-        sys.exit(f"echogrid: {error}")
+        _give_up(str(error))
     except OSError as error:  # a full disk, a folder that may not be written
-        sys.exit(f"echogrid: {error.filename or 'the operating system says'}: {error.strerror or error}")
+        _give_up(f"{error.filename or 'the operating system says'}: {error.strerror or error}")
     except KeyboardInterrupt:
         sys.exit(130)
+
+
+def _give_up(sentence: str) -> NoReturn:
+    """The program's last words, an error in the journal too."""
+    text = f"echogrid: {sentence}"
+    sys.exit(journal.prefixed(text, logging.ERROR) if journal.to_journal() else text)
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="echogrid", description="A car's corner radars on CAN in, one dense occupancy map out.")
     parser.add_argument("--version", action="version", version=f"echogrid {__version__}")
+    parser.add_argument("--log-level", choices=journal.LEVELS, default="info", help="what is logged at all (default: info)")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     run = commands.add_parser("run", help="the service: live CAN buses in, the map on Zenoh out")
     run.add_argument("-c", "--config", type=Path, required=True)
     run.set_defaults(command=_run)
+
+    status = commands.add_parser(
+        "status",
+        help="a look at the running service",
+        epilog="Exits with 0 where the state is ok, 1 where nobody answers, 2 in any other state.",
+    )
+    status.add_argument("--endpoint", default=Publish().listen[0], help="where the service listens (default: %(default)s)")
+    status.add_argument("--vehicle", default="car", help="as in its configuration (default: %(default)s)")
+    status.add_argument(
+        "--tls", type=Path, nargs=3, metavar=("CA", "CERTIFICATE", "KEY"), help="PEM files of a viewer, for an endpoint tls/HOST:PORT"
+    )
+    status.add_argument("--watch", action="store_true", help="go on looking, until Ctrl-C")
+    status.add_argument("--json", action="store_true", help="as it is published, one line each")
+    status.set_defaults(command=_status)
 
     replay = commands.add_parser("replay", help="a recording through the same chain, into files")
     replay.add_argument("drive", type=Path, metavar="DRIVE_OR_LOG", help="a drive folder, or a log: .log .blf .asc .trc .csv .db .mf4")
@@ -63,6 +86,25 @@ def _run(arguments: argparse.Namespace) -> None:
     from echogrid.app import run  # Zenoh is loaded only where it is used
 
     run(arguments.config, arguments.model)
+
+
+def _status(arguments: argparse.Namespace) -> None:
+    from echogrid.client import Client, Credentials  # Zenoh is loaded only where it is used
+    from echogrid.status import as_json, lines, look, silence, watch
+
+    view = as_json if arguments.json else lines
+    credentials = Credentials(*arguments.tls) if arguments.tls else None
+    with Client(arguments.endpoint, arguments.vehicle, credentials) as client, _screen(arguments.watch, plain=arguments.json) as show:
+        if arguments.watch:
+            for document, seconds in watch(client):
+                if document is not None:
+                    show(view(document, client.vehicle))
+                elif not arguments.json:
+                    show(silence(client.vehicle, seconds))
+        document = look(client)
+        show(view(document, client.vehicle))
+    if document.get("state") != "ok":
+        sys.exit(2)
 
 
 def _replay(arguments: argparse.Namespace) -> None:
@@ -115,6 +157,30 @@ def _report(summary: dict[str, Any], out: Path) -> None:
     if "trajectory_rmse_m" in summary:
         print(f"dead reckoning is {summary['trajectory_rmse_m']:.2f} m RMSE from the true positions")
     print(f"map: {out / 'map.png'}, numbers: {out / 'summary.json'}")
+
+
+@contextmanager
+def _screen(live: bool, plain: bool) -> Iterator[Callable[[Sequence[Sequence[tuple[str, str]]]], None]]:
+    """Shows lines of (text, style); in colours, and where `live` over the last ones, on a terminal if the extra `terminal` is installed."""
+
+    def write(lines: Sequence[Sequence[tuple[str, str]]]) -> None:
+        print("\n".join("".join(text for text, _ in line) for line in lines), flush=True)
+
+    try:
+        from rich.console import Console
+        from rich.live import Live
+        from rich.text import Text
+    except ImportError:
+        yield write
+        return
+    console = Console()
+    if plain or not console.is_terminal:
+        yield write
+    elif live:
+        with Live(console=console, auto_refresh=False) as screen:
+            yield lambda lines: screen.update(Text("\n").join(Text.assemble(*line) for line in lines), refresh=True)
+    else:
+        yield lambda lines: console.print(Text("\n").join(Text.assemble(*line) for line in lines))
 
 
 @contextmanager

@@ -17,10 +17,11 @@ from zenoh.handlers import RingChannel
 
 from echogrid.errors import EchogridError
 from echogrid.io import cdr
-from echogrid.io.cdr import Grid
-from echogrid.io.publisher import ALIVE_KEY, EXAMPLE, GRID_KEY, ODOMETRY_KEY, STATUS_KEY, key, reason, session_config
+from echogrid.io.cdr import DiagnosticArray, Grid
+from echogrid.io.credentials import Credentials
+from echogrid.io.publisher import ALIVE_KEY, DIAGNOSTICS_KEY, EXAMPLE, GRID_KEY, ODOMETRY_KEY, STATUS_KEY, key, reason, session_config
 
-__all__ = ["Client", "Grid", "Pose"]
+__all__ = ["Client", "Credentials", "DiagnosticArray", "Grid", "Pose"]
 
 POLL = 0.005  # s: a channel waits without a time-out, so it is looked at; 200 looks a second cost about 1 % of a core
 
@@ -43,20 +44,24 @@ class Pose:
 class Client:
     """Listens to one vehicle. Opens whether or not the service is there, and finds it again when it comes back.
 
-    Raises EchogridError for an endpoint or a vehicle's name that cannot be. Each reading method returns what is newest and was not
-    returned before, waits up to `timeout` seconds for it, and returns None where nothing came; the first call of each subscribes.
-    Payloads that cannot be decoded are skipped and counted in `malformed`. One thread at a time may call the same method.
+    Raises EchogridError for an endpoint or a vehicle's name that cannot be, and for `credentials` (a tls/ endpoint wants some) that do not
+    fit each other. Each reading method returns what is newest and was not returned before, waits up to `timeout` seconds for it, and
+    returns None where nothing came; the first call of each subscribes. Payloads that cannot be decoded are skipped and counted in
+    `malformed`. One thread at a time may call the same method.
     """
 
-    def __init__(self, endpoint: str = EXAMPLE, vehicle: str = "car") -> None:
+    def __init__(self, endpoint: str = EXAMPLE, vehicle: str = "car", credentials: Credentials | None = None) -> None:
         if not re.fullmatch("[A-Za-z0-9_-]+", vehicle):
             raise EchogridError(f"vehicle: '{vehicle}' is no vehicle's name, expected letters, digits, _ and -")
         self.vehicle = vehicle
+        self.endpoint = endpoint
         self.malformed = 0
         self._subscribers: dict[str, Subscriber] = {}
+        if credentials is not None:
+            credentials.check()
         self._open = ExitStack()
         try:
-            self._session = self._open.enter_context(zenoh.open(session_config((), (endpoint,), sends=False)))
+            self._session = self._open.enter_context(zenoh.open(session_config((), (endpoint,), sends=False, credentials=credentials)))
         except zenoh.ZError as error:
             what = f"Zenoh refuses '{endpoint}' ({reason(error)}), expected an endpoint such as '{EXAMPLE}'"
             raise EchogridError(f"endpoint: {what}") from error
@@ -82,6 +87,10 @@ class Client:
     def status(self, timeout: float = 2.0) -> dict[str, Any] | None:
         """The service's state; it is sent about once a second."""
         return self._newest(STATUS_KEY, _json, timeout)
+
+    def diagnostics(self, timeout: float = 2.0) -> DiagnosticArray | None:
+        """The status as ROS knows it: a level and a message for the service, each radar, each bus and the motion. About once a second."""
+        return self._newest(DIAGNOSTICS_KEY, cdr.decode_diagnostics, timeout)
 
     def alive(self) -> bool:
         """Whether the vehicle's service is running and connected, as far as anyone knows within a second."""

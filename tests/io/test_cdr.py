@@ -32,6 +32,15 @@ GRIDS = st.builds(
         lambda shape: np.random.default_rng(shape[2]).integers(-1, 101, shape[:2], dtype=np.int8)
     ),
 )
+DIAGNOSTICS = st.builds(
+    cdr.DiagnosticArray,
+    stamp_ns=STAMPS,
+    frame=NAMES,
+    status=st.lists(
+        st.builds(cdr.DiagnosticStatus, st.sampled_from(cdr.Level), NAMES, NAMES, NAMES, st.dictionaries(NAMES, NAMES, max_size=4)),
+        max_size=4,
+    ).map(tuple),
+)
 ODOMETRIES = st.builds(
     cdr.Odometry,
     stamp_ns=STAMPS,
@@ -82,6 +91,21 @@ def _ros_odometry(odometry: cdr.Odometry) -> object:
     )
 
 
+def _ros_diagnostics(array: cdr.DiagnosticArray) -> object:
+    pair = ROS["diagnostic_msgs/msg/KeyValue"]
+    status = [
+        ROS["diagnostic_msgs/msg/DiagnosticStatus"](
+            level=int(status.level),
+            name=status.name,
+            message=status.message,
+            hardware_id=status.hardware_id,
+            values=[pair(key=key, value=value) for key, value in status.values.items()],
+        )
+        for status in array.status
+    ]
+    return ROS["diagnostic_msgs/msg/DiagnosticArray"](header=_ros_header(array.stamp_ns, array.frame), status=status)
+
+
 def _grid(frame: str = "odom", height: int = 3, width: int = 4) -> cdr.Grid:
     occupancy = (np.arange(height * width, dtype=np.int64) % 102 - 1).astype(np.int8).reshape(height, width)
     return cdr.Grid(1_700_000_000_123_456_789, frame, 0.234375, (-15.5, 7.25), occupancy)
@@ -90,6 +114,12 @@ def _grid(frame: str = "odom", height: int = 3, width: int = 4) -> cdr.Grid:
 def _odometry(frame: str = "odom", child_frame: str = "base") -> cdr.Odometry:
     covariance = np.arange(36.0).reshape(6, 6)
     return cdr.Odometry(-1, frame, child_frame, SE2(1.5, -2.5, 2.0), 13.9, -0.25, covariance, covariance + 0.5)
+
+
+def _diagnostics(frame: str = "") -> cdr.DiagnosticArray:
+    service = cdr.DiagnosticStatus(cdr.Level.WARN, "echogrid: service", "", "car", {})
+    radar = cdr.DiagnosticStatus(cdr.Level.STALE, "echogrid: radar fl", "silent", "fl", {"late": "3", "": "", "ratio": "0.5"})
+    return cdr.DiagnosticArray(1_700_000_000_123_456_789, frame, (service, radar))
 
 
 @pytest.mark.parametrize("frame", FRAMES)
@@ -104,6 +134,13 @@ def test_grid_is_what_rosbags_writes(frame: str, shape: tuple[int, int]) -> None
 def test_odometry_is_what_rosbags_writes(frame: str, child_frame: str) -> None:
     odometry = _odometry(frame, child_frame)
     assert cdr.encode_odometry(odometry) == bytes(STORE.serialize_cdr(_ros_odometry(odometry), "nav_msgs/msg/Odometry"))
+
+
+@given(DIAGNOSTICS)
+def test_diagnostics_are_what_rosbags_writes_and_come_back(array: cdr.DiagnosticArray) -> None:
+    payload = cdr.encode_diagnostics(array)
+    assert payload == bytes(STORE.serialize_cdr(_ros_diagnostics(array), "diagnostic_msgs/msg/DiagnosticArray"))
+    assert cdr.decode_diagnostics(payload) == array
 
 
 def test_data_begins_at_the_smallest_x_and_y_and_runs_along_x() -> None:
@@ -167,6 +204,7 @@ def test_probability() -> None:
 DECODERS = (
     pytest.param(cdr.encode_grid(_grid()), cdr.decode_grid, id="grid"),
     pytest.param(cdr.encode_odometry(_odometry()), cdr.decode_odometry, id="odometry"),
+    pytest.param(cdr.encode_diagnostics(_diagnostics()), cdr.decode_diagnostics, id="diagnostics"),
     pytest.param(cdr.encode_attachment(1, 2, bytes(16)), cdr.decode_attachment, id="attachment"),
 )
 
@@ -246,6 +284,30 @@ def test_a_grid_of_no_rows_and_billions_of_columns_costs_nothing() -> None:
 def test_odometry_that_cannot_be_is_refused(at: int, values: tuple[float, ...], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         cdr.decode_odometry(_patched(cdr.encode_odometry(_odometry()), at, f"<{len(values)}d", *values))
+
+
+# For the frame "": length 8, number of parts 16, level 20, name's length 24, name 28, message's length 48, hardware_id's 56, pairs 64.
+@pytest.mark.parametrize(
+    ("at", "layout", "value", "message"),
+    [
+        (16, "<I", 1, "are left over"),
+        (16, "<I", 2**32 - 1, "message ends"),
+        (20, "<B", 4, "level of 4"),
+        (24, "<I", 2**32 - 1, "name of 4294967295 bytes"),
+        (64, "<I", 2**32 - 1, "name of|message ends"),
+    ],
+)
+def test_diagnostics_that_cannot_be_are_refused(at: int, layout: str, value: int, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        cdr.decode_diagnostics(_patched(cdr.encode_diagnostics(_diagnostics()), at, layout, value))
+
+
+def test_of_a_key_that_comes_twice_the_last_counts() -> None:
+    """Other programs may write such."""
+    pair = ROS["diagnostic_msgs/msg/KeyValue"]
+    array = _ros_diagnostics(_diagnostics())
+    array.status[0].values.extend((pair(key="a", value="1"), pair(key="a", value="2")))
+    assert cdr.decode_diagnostics(bytes(STORE.serialize_cdr(array, "diagnostic_msgs/msg/DiagnosticArray"))).status[0].values == {"a": "2"}
 
 
 def test_big_endian_is_refused() -> None:

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -25,6 +27,7 @@ _LENGTH = struct.Struct("<I")
 _MAP_META_DATA = struct.Struct("<iIfII")  # map_load_time, resolution, width, height
 _ORIGIN = struct.Struct("<7dI")  # position, orientation (x, y, z, w), length of data
 _MOTION = struct.Struct("<85d")  # position, orientation, covariance, linear and angular velocity, covariance
+_LEVEL = struct.Struct("<B")
 _ATTACHMENT = struct.Struct("<qqB")
 
 Covariance = NDArray[np.float64]
@@ -62,6 +65,35 @@ class Odometry:
     yaw_rate: float  # rad/s
     pose_covariance: Covariance = field(default_factory=_unknown)  # (6, 6)
     twist_covariance: Covariance = field(default_factory=_unknown)  # (6, 6)
+
+
+class Level(IntEnum):
+    """How a part fares, as diagnostic_msgs/DiagnosticStatus numbers it."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnosticStatus:
+    """diagnostic_msgs/DiagnosticStatus: one part of a machine."""
+
+    level: Level
+    name: str  # "program: part"
+    message: str
+    hardware_id: str
+    values: Mapping[str, str]  # in their order; of a key that came twice the last
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnosticArray:
+    """diagnostic_msgs/DiagnosticArray: how all parts fare at one time."""
+
+    stamp_ns: int
+    frame: str
+    status: tuple[DiagnosticStatus, ...]
 
 
 def encode_grid(grid: Grid) -> bytes:
@@ -125,6 +157,38 @@ def decode_odometry(payload: bytes) -> Odometry:
     return Odometry(stamp_ns, frame, child_frame, pose, speed, yaw_rate, pose_covariance, twist_covariance)
 
 
+def encode_diagnostics(array: DiagnosticArray) -> bytes:
+    """The diagnostics as diagnostic_msgs/msg/DiagnosticArray."""
+    body = _header(array.stamp_ns, array.frame) + _LENGTH.pack(len(array.status))
+    for status in array.status:
+        body = _with_texts(body + _LEVEL.pack(status.level), (status.name, status.message, status.hardware_id))
+        body = _padded(body, 4) + _LENGTH.pack(len(status.values))
+        body = _with_texts(body, (text for pair in status.values.items() for text in pair))
+    return LITTLE_ENDIAN + body
+
+
+def decode_diagnostics(payload: bytes) -> DiagnosticArray:
+    """The diagnostics of a diagnostic_msgs/msg/DiagnosticArray."""
+    body = _body(payload)
+    stamp_ns, frame, at = _read_header(body)
+    (count,) = _read(_LENGTH, body, at)
+    at += _LENGTH.size
+    status = []
+    for _ in range(count):  # however many there should be, the payload's end ends it
+        (level,) = _read(_LEVEL, body, at)
+        if level > max(Level):
+            raise ValueError(f"a diagnostic level of {level}, expected 0 ... {max(Level)}")
+        (name, message, hardware_id), at = _read_texts(body, at + _LEVEL.size, 3)
+        at = _aligned(at, 4)
+        (pairs,) = _read(_LENGTH, body, at)
+        texts, at = _read_texts(body, at + _LENGTH.size, 2 * pairs)
+        values = dict(zip(texts[::2], texts[1::2], strict=True))
+        status.append(DiagnosticStatus(Level(level), name, message, hardware_id, values))
+    if at != len(body):
+        raise ValueError(f"{len(body) - at} bytes are left over behind the diagnostics")
+    return DiagnosticArray(stamp_ns, frame, tuple(status))
+
+
 def encode_attachment(sequence: int, stamp_ns: int, gid: bytes) -> bytes:
     """What rmw_zenoh wants beside every sample: its number (from 1), its source's time and the publisher's 16-byte id. 33 bytes."""
     if len(gid) != GID_SIZE:
@@ -153,6 +217,13 @@ def _text(text: str) -> bytes:
     if 0 in data:
         raise ValueError(f"the name {text!r} holds a NUL")
     return _LENGTH.pack(len(data) + 1) + data + b"\0"
+
+
+def _with_texts(body: bytes, texts: Iterable[str]) -> bytes:
+    """The body and behind it each text, from the next multiple of 4 on."""
+    for text in texts:
+        body = _padded(body, 4) + _text(text)
+    return body
 
 
 def _aligned(at: int, size: int) -> int:
@@ -195,3 +266,12 @@ def _read_text(body: memoryview, at: int) -> tuple[str, int]:
         return data[:-1].decode(), stop
     except UnicodeDecodeError as error:
         raise ValueError(f"a name is no UTF-8 from its byte {error.start} on") from error
+
+
+def _read_texts(body: memoryview, at: int, count: int) -> tuple[list[str], int]:
+    """So many texts, each from the next multiple of 4 on, and where the last ends."""
+    texts = []
+    for _ in range(count):
+        text, at = _read_text(body, _aligned(at, 4))
+        texts.append(text)
+    return texts, at

@@ -1,0 +1,115 @@
+"""`echogrid status`: what a running service says of itself, as lines for a terminal."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import msgspec
+
+from echogrid.client import Client
+from echogrid.errors import EchogridError
+
+PATIENCE = 5.0  # s: a status comes once a second, a connection may take some
+SILENT = 2.5  # s without a status: two of them did not come
+
+Line = list[tuple[str, str]]  # pieces of text, each with its style in rich's words, "" for none
+STYLES = {"ok": "bold green", "degraded": "bold yellow"}  # any other state is bold red
+
+
+class Status(msgspec.Struct, frozen=True, kw_only=True):
+    """What is shown of a status. Another version of the service may send more or less of it."""
+
+    state: str
+    reasons: tuple[str, ...] = ()
+    epoch: int | None = None
+    model: str = "unknown"
+    rates: dict[str, float] = {}
+    latency_ms: dict[str, float | None] = {}
+    rss_mib: float | None = None
+    sensors: dict[str, dict[str, Any]] = {}
+    buses: dict[str, dict[str, Any]] = {}
+    counters: dict[str, int] = {}  # all other whole numbers
+
+
+def look(client: Client) -> dict[str, Any]:
+    """The next status. Raises EchogridError where none comes."""
+    document = client.status(PATIENCE)
+    if document is None:
+        where = f"vehicle '{client.vehicle}' at {client.endpoint}"
+        raise EchogridError(f"{where}: no status within {PATIENCE:.0f} s, expected a service that listens there for this vehicle")
+    return document
+
+
+def watch(client: Client) -> Iterator[tuple[dict[str, Any] | None, float]]:
+    """Each status as it comes, or None where none does, and for how many seconds none has come. Without end."""
+    heard = time.monotonic()
+    while True:
+        document = client.status(SILENT)
+        heard = heard if document is None else time.monotonic()
+        yield document, time.monotonic() - heard
+
+
+def lines(document: Mapping[str, Any], vehicle: str) -> list[Line]:
+    """A status for people. Raises EchogridError where it is none."""
+    counters = {key: value for key, value in document.items() if type(value) is int and key != "epoch"}
+    try:
+        status = msgspec.convert({**document, "counters": counters}, Status)
+    except msgspec.ValidationError as error:
+        raise EchogridError(f"vehicle '{vehicle}': the status is none that this version of echogrid reads: {error}") from error
+    style = STYLES.get(status.state, "bold red")
+    rates, latency = status.rates, status.latency_ms
+    result: list[Line] = [
+        [(vehicle, "bold"), (" is ", ""), (status.state, style)],
+        *([(f"  {reason}", style.removeprefix("bold "))] for reason in status.reasons),
+        _line("map", f"{_number(rates.get('map_hz'), 1)} updates/s, epoch {_number(status.epoch)}"),
+        _line("traffic", f"{_number(rates.get('frames_hz'))} frames/s"),
+        _line("latency", f"{_number(latency.get('p50'), 1)} ms, 99 % within {_number(latency.get('p99'), 1)} ms"),
+        _line("memory", f"{_number(status.rss_mib)} MiB"),
+        _line("model", status.model),
+        *_parts("radar", status.sensors, status.reasons),
+        *_parts("bus", status.buses, status.reasons),
+        _line("counters", _counts(status.counters)),
+    ]
+    return [[(_printable(text), style) for text, style in line] for line in result]
+
+
+def as_json(document: Mapping[str, Any], vehicle: str) -> list[Line]:
+    """A status for programs: one line."""
+    return [[(json.dumps(document), "")]]
+
+
+def silence(vehicle: str, seconds: float) -> list[Line]:
+    """Instead of a status that is too old to be shown."""
+    return [[(vehicle, "bold"), (" does not answer", "bold red"), (f", for {seconds:.0f} s now", "")]]
+
+
+def _parts(kind: str, parts: Mapping[str, Mapping[str, Any]], reasons: tuple[str, ...]) -> Iterator[Line]:
+    """A line for each radar or bus: yellow where a reason names it, red where it is down."""
+    width = max(map(len, parts), default=0)
+    for name, counters in parts.items():
+        up = counters.get("up", True)
+        said = any(reason.startswith(f"{kind} {name}: ") for reason in reasons)
+        style = "red" if not up else "yellow" if said else ""
+        yield [(f"{kind:10}", "dim"), (f"{name:{width}}  ", style), ("" if up else "down, ", style), (_counts(counters), style)]
+
+
+def _line(label: str, text: str) -> Line:
+    return [(f"{label:10}", "dim"), (text, "")]
+
+
+def _counts(counters: Mapping[str, Any]) -> str:
+    """The first counter, and all others that are not 0."""
+    counts = [(key, value) for key, value in counters.items() if type(value) is int]
+    return ", ".join(f"{value:,} {key.replace('_', ' ')}" for n, (key, value) in enumerate(counts) if value or n == 0)
+
+
+def _number(value: float | None, digits: int = 0) -> str:
+    return "-" if value is None else f"{value:,.{digits}f}"
+
+
+def _printable(text: str) -> str:
+    """What came over the network moves no cursor and rings no bell."""
+    return "".join(character if character.isprintable() else "?" for character in text)
