@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import logging
+import os
 import signal
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict
@@ -13,28 +15,40 @@ from pathlib import Path
 from typing import Any
 
 import can
+import msgspec
+import numpy as np
 
-from echogrid.config import Bus, load_config
+from echogrid.config import Config, load_config
 from echogrid.core.mapper import MapUpdate
 from echogrid.core.odometry import EgoState
 from echogrid.core.tiled_map import LogOdds
+from echogrid.core.watch import State
 from echogrid.errors import EchogridError
-from echogrid.io.bus import open_bus
+from echogrid.io.bus import LiveBus
+from echogrid.io.diagnostics import diagnostics
 from echogrid.io.frame_queue import FrameQueue
+from echogrid.io.map_keeper import MapKeeper
+from echogrid.io.metrics import Metrics
 from echogrid.io.motion import MotionReader
 from echogrid.io.publisher import Publisher
+from echogrid.io.systemd import Notifier
 from echogrid.pipeline import Pipeline
 
 log = logging.getLogger("echogrid")
-QUEUE_FRAMES = 8192  # a few seconds of four radars
+QUEUE_FRAMES = 4096  # one to two seconds of four radars
 STATUS_PERIOD = 1.0  # s
-STALE_AFTER = 1.0  # s without a map update
+WAIT = 0.1  # s: a thread looks this often whether it is to end
+TURNING = 1.0  # s within which the mapping has to come round for the watchdog
+LATENCIES = 512  # of the newest map updates
+KEPT_CELLS = 1024  # of the map around the car that is kept on disk: 240 m
+RELOADABLE = ("rate_hz", "window_cells")  # keys of [publish] that a running service takes over
 
 
 class Service:
     """One thread per bus receives, the caller's thread maps, one thread publishes; none waits for another.
 
-    `add` takes each message to the pipeline; a recorder may stand in for it. `stop` ends the service at its next look.
+    `add` takes each message to the pipeline; a recorder may stand in for it. `stop` ends the service at its next look; `reload` is called
+    from a signal's handler.
     """
 
     def __init__(self, pipeline: Pipeline, add: Callable[[str, can.Message], MapUpdate | None] | None = None) -> None:
@@ -45,89 +59,166 @@ class Service:
         self.live = threading.Event()  # all buses are open and the publisher is up
         self.queue = FrameQueue(QUEUE_FRAMES, self._is_motion)
         self.outbox = _Outbox()
+        self.notifier = Notifier()
+        self.buses: list[LiveBus] = []
         self.failure: Exception | None = None
-        self.updated_at: float | None = None  # time.monotonic() of the newest update
+        self.heard_at = time.monotonic()  # when the newest frame was taken in
+        self.turned_at = time.monotonic()  # when the mapping last came round
+        self.latencies: deque[float] = deque(maxlen=LATENCIES)  # s, from a frame's receipt to the map update that it ended
+        self.rates = _Rates()
+        self.told: State | None = None  # the state that the journal knows, and since when
+        self.told_at = time.monotonic()
+        self.keeper = MapKeeper(os.environ.get("STATE_DIRECTORY"), pipeline.config.grid.cell)
 
     def run(self) -> None:
-        """Until `stop` is set. Raises EchogridError where a bus or the publisher cannot be opened, or a bus is lost."""
+        """Until `stop` is set. Raises EchogridError where a bus or the publisher cannot be opened."""
         with ExitStack() as opened:
-            publisher, buses = self._open(opened)
-            workers = [threading.Thread(target=self._receive, args=pair, name=pair[0].name) for pair in buses]
-            workers.append(threading.Thread(target=self._publish, args=(publisher,), name="publisher"))
+            publisher, metrics = self._open(opened)
+            workers = [threading.Thread(target=self._receive, args=(bus,), name=bus.bus.name) for bus in self.buses]
+            workers.append(threading.Thread(target=self._publish, args=(publisher, metrics), name="publisher"))
+            workers.append(threading.Thread(target=self.keeper.run, args=(self.stop,), name="keeper"))
             for worker in workers:
                 worker.start()
             self.live.set()
             log.info("inverse sensor model: %s", self.pipeline.model.why)
-            log.info("live on %s", ", ".join(f"{bus.name} ({bus.interface} {bus.channel})" for bus in self.config.bus))
+            buses = ", ".join(f"{bus.name} ({bus.interface} {bus.channel})" for bus in self.config.bus)
+            log.info("live on %s", buses)
+            self.notifier.ready(f"live on {buses}; no map yet")
             try:
                 self._map()
             finally:
+                self.notifier.stopping()
+                self._keep_last()
                 self.stop.set()
                 for worker in workers:
                     worker.join()
         if self.failure is not None:
             raise self.failure
 
-    def _open(self, opened: ExitStack) -> tuple[Publisher, list[tuple[Bus, can.BusABC]]]:
+    def _open(self, opened: ExitStack) -> tuple[Publisher, Metrics]:
         """Everything that leads outside; what is wrong names the configuration's file."""
-        buses = []
         try:
             publisher = opened.enter_context(Publisher(self.config.publish, self.config.vehicle))
+            metrics = opened.enter_context(Metrics(self.config.metrics, self.config.vehicle))
             for bus in self.config.bus:
-                opened_bus = open_bus(bus, self.pipeline.signals.ids(bus.name))
-                opened.callback(opened_bus.shutdown)
-                buses.append((bus, opened_bus))
+                self.buses.append(LiveBus(bus, self.pipeline.signals.ids(bus.name)))
+                opened.callback(self.buses[-1].close)
         except EchogridError as error:
             raise EchogridError(f"{self.pipeline.signals.source}: {error}") from error
-        return publisher, buses
+        return publisher, metrics
+
+    def state(self) -> State:
+        """Of the map, now. The traffic's own time goes on by the monotonic clock, so that no step of another one matters."""
+        return self.pipeline.state(round((time.monotonic() - self.heard_at) * 1e9))
 
     def status(self) -> dict[str, Any]:
-        """What goes out as status: the state of the map and all counters."""
-        silence = None if self.updated_at is None else time.monotonic() - self.updated_at
-        state = "waiting" if silence is None else "ok" if silence < STALE_AFTER else "stale"
-        return {"state": state, "model": self.pipeline.model.why, "dropped_frames": self.queue.dropped, **asdict(self.pipeline.health)}
+        """What goes out as status: the state of the map, how the service keeps up, and all counters."""
+        state = self.state()
+        latencies = np.array(self.latencies) * 1e3
+        p50, p99 = np.percentile(latencies, (50, 99)).tolist() if len(latencies) else (None, None)
+        return {
+            "state": state.name,
+            "reasons": state.reasons,
+            "epoch": self.pipeline.mapper.epoch,
+            "model": self.pipeline.model.why,
+            "buses": {bus.bus.name: asdict(bus.refresh()) for bus in self.buses},
+            "rates": self.rates.per_second(maps=self.pipeline.health.cycles, frames=self.pipeline.health.frames),
+            "latency_ms": {"p50": p50, "p99": p99},
+            "dropped_frames": self.queue.dropped,
+            "dropped_motion": self.queue.dropped_motion,
+            "maps_kept": self.keeper.written,
+            "maps_not_kept": self.keeper.failed,
+            "rss_mib": _resident_mib(),
+            **asdict(self.pipeline.health),
+        }
+
+    def reload(self, config: Config) -> None:
+        """Takes over what of another configuration needs no restart. Raises EchogridError naming what does."""
+        kept = {key: getattr(config.publish, key) for key in RELOADABLE}
+        asked = msgspec.structs.replace(self.config, publish=msgspec.structs.replace(self.config.publish, **kept))
+        if asked != config:
+            keys = ", ".join(key for key in config.__struct_fields__ if getattr(config, key) != getattr(asked, key))
+            raise EchogridError(f"{keys}: only {' and '.join(RELOADABLE)} of [publish] can change without a restart")
+        self.config = config
 
     def _map(self) -> None:
-        period_ns = round(1e9 / self.config.publish.rate_hz)
         published_ns: int | None = None
         while not self.stop.is_set():
-            item = self.queue.get(timeout=0.1)
-            update = None if item is None else self.add(*item)
+            self.turned_at = time.monotonic()
+            item = self.queue.get(timeout=WAIT)
+            if item is None:
+                continue
+            bus, message, received_at = item
+            update = self.add(bus, message)
+            self.heard_at = received_at
             if update is None:
                 continue
-            self.updated_at = time.monotonic()
-            if published_ns is None or update.ego.stamp_ns - published_ns >= period_ns:
+            self.latencies.append(time.monotonic() - received_at)
+            period_ns = round(1e9 / self.config.publish.rate_hz)
+            if published_ns is None or not 0 <= update.ego.stamp_ns - published_ns < period_ns:
                 published_ns = update.ego.stamp_ns
                 around = self.pipeline.mapper.map.around(update.ego.odom_from_base, self.config.publish.window_cells)
                 self.outbox.put(update.ego, *around)
+            if self.keeper.due():
+                self.keeper.take(*self.pipeline.mapper.map.around(update.ego.odom_from_base, KEPT_CELLS))
 
-    def _receive(self, bus: Bus, opened: can.BusABC) -> None:
+    def _keep_last(self) -> None:
+        last = self.pipeline.mapper.odometry.states
+        if self.keeper.path is not None and last:
+            self.keeper.take(*self.pipeline.mapper.map.around(last[-1].odom_from_base, KEPT_CELLS))
+
+    def _receive(self, bus: LiveBus) -> None:
         try:
             while not self.stop.is_set():
-                message = opened.recv(timeout=0.1)
+                message = bus.recv(timeout=WAIT)
                 if message is not None:
-                    self.queue.put(bus.name, message)
-        except (can.CanError, OSError) as error:
-            self.failure = EchogridError(f"bus '{bus.name}': {bus.interface} channel '{bus.channel}' was lost: {error}")
+                    self.queue.put(bus.bus.name, message)
+        except Exception as error:  # no fault of the bus, which LiveBus survives: the service must not go on deaf
+            self.failure = error
             self.stop.set()
 
-    def _publish(self, publisher: Publisher) -> None:
+    def _publish(self, publisher: Publisher, metrics: Metrics) -> None:
         """Grids as they come, status once a second. A subscriber that is slow costs nothing but its own grids."""
+
+        def tell(status: dict[str, Any]) -> None:
+            publisher.status(status)
+            publisher.diagnostics(diagnostics(status, self.config.vehicle, time.time_ns()))
+            metrics.update(status)
+
         status_due = time.monotonic()
         cell = self.config.grid.cell
         try:
             while not self.stop.is_set():
-                newest = self.outbox.get(timeout=0.1)
+                newest = self.outbox.get(timeout=WAIT)
                 if newest is not None:
                     ego, row, column, log_odds = newest
                     publisher.grid(ego.stamp_ns, row, column, cell, log_odds)
                     publisher.odometry(ego)
+                    self.notifier.alive()
                 if time.monotonic() >= status_due:
-                    publisher.status(self.status())
+                    status = self.status()
+                    tell(status)
+                    self._tell_systemd(status)
                     status_due += STATUS_PERIOD
+            tell({**self.status(), "state": "stopped", "reasons": ()})
         except Exception as error:  # whatever Zenoh raises: the service must not go on unseen
             self.failure = error
             self.stop.set()
+
+    def _tell_systemd(self, status: dict[str, Any]) -> None:
+        """The journal of a change of state, the manager of the rates. Its watchdog is fed by maps that went out; where none had to,
+        because no scan came that could be placed, by the mapping's coming round."""
+        state, now = State(status["state"], status["reasons"]), time.monotonic()
+        if self.told is None or state.name != self.told.name:
+            before = "" if self.told is None else f" after {now - self.told_at:.0f} s {self.told.name}"
+            level = logging.INFO if state.name == "ok" else logging.WARNING
+            log.log(level, "; ".join((f"state {state.name}{before}", *state.reasons)))  # a sentence of its own, never held back as a repeat
+            self.told, self.told_at = state, now
+        rates = status["rates"]
+        told = (f"{state.name}", f"{rates['map_hz']:.1f} maps/s, {rates['frames_hz']:.0f} frames/s", *state.reasons)
+        self.notifier.status("; ".join(told))
+        if rates["map_hz"] == 0 and now - self.turned_at < TURNING:
+            self.notifier.alive()
 
     def _is_motion(self, bus: str, message: can.Message) -> bool:
         frame_id = (message.arbitration_id, message.is_extended_id)
@@ -155,10 +246,43 @@ class _Outbox:
             return newest
 
 
+class _Rates:
+    """Remembers the last counts and when they were taken."""
+
+    def __init__(self) -> None:
+        self._at = time.monotonic()
+        self._maps = self._frames = 0
+
+    def per_second(self, maps: int, frames: int) -> dict[str, float]:
+        """Since the last call."""
+        now = time.monotonic()
+        span = max(now - self._at, 1e-3)
+        rates = {"map_hz": (maps - self._maps) / span, "frames_hz": (frames - self._frames) / span}
+        self._at, self._maps, self._frames = now, maps, frames
+        return rates
+
+
+def _resident_mib() -> float:
+    """Memory of this process that is in RAM."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / (1 << 20)
+
+
 def run(config_path: Path, model: str | None = None) -> None:
-    """`echogrid run`: until SIGTERM or SIGINT. Raises EchogridError."""
+    """`echogrid run`: until SIGTERM or SIGINT; SIGHUP reads the configuration again. Raises EchogridError."""
     service = Service(Pipeline(load_config(config_path, model), config_path))
+
+    def reload() -> None:  # in the mapping's thread, between two frames
+        service.notifier.reloading()
+        try:
+            service.reload(load_config(config_path, model))
+            log.info(f"{config_path} was read again: {service.config.publish}")
+        except EchogridError as error:
+            log.error(f"not reloaded, going on as before: {error}")  # each refusal is told
+        service.notifier.ready("reloaded")
+
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: service.stop.set())
+    signal.signal(signal.SIGHUP, lambda *_: reload())
     service.run()
     log.info("stopped after %d cycles", service.pipeline.health.cycles)

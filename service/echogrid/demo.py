@@ -40,7 +40,7 @@ PATIENCE = 20.0  # s
 def demo(out: Path, model: str | None = None, on_progress: Callable[[float], None] | None = None) -> dict[str, Any]:
     """Plays the shipped drive as fast as the service maps it; files and summary as in `replay`, and the subscriber's received.png."""
     drive = find_drive(Path(str(files("echogrid") / "demo_drive")), None)
-    config = _on_virtual_buses(load_config(drive.config, model))
+    config = on_virtual_buses(load_config(drive.config, model))
     pipeline = Pipeline(config, drive.config)
     recorder = Recorder(pipeline)
     service = Service(pipeline, recorder.add)
@@ -78,7 +78,7 @@ def compare(recorder: Recorder, drive: Drive, truth: Panel, out: Path) -> None:
     side_by_side([*panels, truth], spec.cell, driven).save(out / "side_by_side.png")
 
 
-def _on_virtual_buses(config: Config) -> Config:
+def on_virtual_buses(config: Config) -> Config:
     """The same configuration on python-can's in-process buses and a free port of the loopback."""
     buses = tuple(msgspec.structs.replace(bus, interface="virtual") for bus in config.bus)
     publish = msgspec.structs.replace(config.publish, listen=(f"tcp/127.0.0.1:{_free_port()}",))

@@ -1,25 +1,32 @@
-"""The bounded queue between the buses and the mapping: when it is full, radar frames go, never ego motion."""
+"""The bounded queue between the buses and the mapping: when it is full, the oldest scans go, never ego motion."""
 
 from __future__ import annotations
 
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 
 import can
 
-Item = tuple[str, can.Message]  # bus, message
+Item = tuple[str, can.Message, float]  # bus, message, time.monotonic() when it was put
 
 
 class FrameQueue:
-    """Thread-safe. `dropped` counts the radar frames that had to go, the oldest first: their scans are then incomplete."""
+    """Thread-safe. `dropped` counts the radar frames that had to go.
+
+    A full queue loses all radar frames of its older half at once: so whole scans go, and those that stay are whole. Losing one frame at a
+    time would spoil every scan. Only what nobody can map any more, ego motion that fills four queues, goes as well: `dropped_motion`.
+    """
 
     def __init__(self, limit: int, is_motion: Callable[[str, can.Message], bool]) -> None:
         self.limit = limit
         self.is_motion = is_motion
         self.dropped = 0
+        self.dropped_motion = 0
         self._items: deque[Item] = deque()
         self._filled = threading.Condition()
+        self._room_at = limit  # length at which room is made
 
     def __len__(self) -> int:
         return len(self._items)
@@ -27,9 +34,9 @@ class FrameQueue:
     def put(self, bus: str, message: can.Message) -> None:
         """Never waits."""
         with self._filled:
-            if len(self._items) >= self.limit:
+            if len(self._items) >= self._room_at:
                 self._make_room()
-            self._items.append((bus, message))
+            self._items.append((bus, message, time.monotonic()))
             self._filled.notify()
 
     def get(self, timeout: float) -> Item | None:
@@ -40,7 +47,12 @@ class FrameQueue:
             return self._items.popleft() if self._items else None
 
     def _make_room(self) -> None:
-        oldest = next((i for i, (bus, message) in enumerate(self._items) if not self.is_motion(bus, message)), None)
-        if oldest is not None:
-            del self._items[oldest]
-            self.dropped += 1
+        older = [self._items.popleft() for _ in range((len(self._items) + 1) // 2)]
+        motion = [item for item in older if self.is_motion(item[0], item[1])]
+        self.dropped += len(older) - len(motion)
+        if len(self._items) + len(motion) >= 4 * self.limit:
+            self.dropped_motion += len(motion)
+            motion = []
+        self._items.extendleft(reversed(motion))
+        # Where motion has filled the queue there is nothing to gain by looking through it for every frame.
+        self._room_at = max(self.limit, len(self._items) + self.limit // 2)

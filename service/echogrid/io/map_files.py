@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -24,7 +25,7 @@ def write_map(folder: Path, occupancy: TiledMap, trajectory: Sequence[EgoState])
     row, column, log_odds = occupancy.whole()
     cell = occupancy.spec.cell
     origin = (column * cell, row * cell)
-    np.savez_compressed(folder / "map.npz", log_odds=log_odds, origin=np.array(origin), cell=np.float64(cell))
+    write_npz(folder / "map.npz", log_odds, origin, cell)
     _write_map_server(folder, log_odds, origin, cell)
     driven = np.array([(ego.odom_from_base.x, ego.odom_from_base.y) for ego in trajectory]).reshape(-1, 2)
     if log_odds.size:
@@ -36,6 +37,19 @@ def write_map(folder: Path, occupancy: TiledMap, trajectory: Sequence[EgoState])
             pose = ego.odom_from_base
             writer.writerow((ego.stamp_ns, f"{pose.x:.6f}", f"{pose.y:.6f}", f"{pose.yaw:.8f}"))
     return sha256(log_odds, origin, cell)
+
+
+def write_npz(path: Path, log_odds: LogOdds, origin: tuple[float, float], cell: float) -> None:
+    """The map (H, W), the corner (x, y) m of its first cell and the cells' size m: whole and on the disk when it returns, or not at all.
+
+    Raises OSError.
+    """
+    partial = path.with_name(f".{path.name}.partial")
+    with partial.open("wb") as file:
+        np.savez_compressed(file, log_odds=log_odds, origin=np.array(origin), cell=np.float64(cell))
+        file.flush()
+        os.fsync(file.fileno())
+    partial.replace(path)
 
 
 def sha256(log_odds: LogOdds, origin: tuple[float, float], cell: float) -> str:

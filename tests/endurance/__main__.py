@@ -1,0 +1,39 @@
+"""python -m tests.endurance soak [--minutes 30] | load [--seconds 20]: measures, prints, and writes into out/endurance."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+from pathlib import Path
+
+from echogrid.config import load_config
+from echogrid.pipeline import Pipeline
+from tests.endurance.load import loads, measure
+from tests.endurance.soak import soak
+
+DEMO = Path(__file__).parent.parent.parent / "service" / "echogrid" / "demo_drive"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m tests.endurance")
+    commands = parser.add_subparsers(dest="command", required=True)
+    commands.add_parser("soak").add_argument("--minutes", type=float, default=30.0)
+    commands.add_parser("load").add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--out", type=Path, default=Path("out/endurance"))
+    options = parser.parse_args()
+    logging.basicConfig(level=logging.WARNING)
+    if options.command == "soak":
+        result: object = soak(DEMO, options.out, options.minutes)
+    else:
+        source = DEMO / "echogrid.toml"
+        config = load_config(source, "analytic")
+        ids = [number for number, _ in Pipeline(config, source).signals.ids(config.radar[0].bus)]
+        result = [measure(DEMO, load, options.seconds) for load in loads(ids)]
+        options.out.mkdir(parents=True, exist_ok=True)
+        (options.out / "load.json").write_text(json.dumps(result, indent=1) + "\n")
+    print(json.dumps(result, indent=1))
+
+
+if __name__ == "__main__":
+    main()
