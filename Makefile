@@ -1,8 +1,12 @@
 # make demo | test | bench | lint: each sets up what it needs in .venv by itself, with pinned versions, and says what it does.
 PYTHON ?= python3
 BIN := .venv/bin
+FUZZ_SECONDS ?= 180
+RIG ?= full
+LOCK := build/tools/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate \
+	--excludes requirements/excluded.txt --custom-compile-command "make lock"
 
-.PHONY: demo test bench lint demo-drive clean
+.PHONY: demo test test-rig deb bench lint fuzz sbom lock model-sums demo-drive clean
 .DEFAULT_GOAL := demo
 
 demo: .venv/.service
@@ -12,6 +16,15 @@ demo: .venv/.service
 test: .venv/.develop
 	@echo "== test: service and training package; warnings are errors"
 	$(BIN)/python -m pytest
+
+test-rig: .venv/.develop deb
+	@echo "== test-rig: the service on real CAN interfaces, its package under a real systemd; in a guest, or on this machine with RIG=here"
+	RIG=$(RIG) tests/rig/set-up
+	RIG=$(RIG) $(BIN)/python -m pytest -s tests/rig
+
+deb: .venv/.service
+	@echo "== deb: a Debian package for this machine's distribution, in dist (deploy/README.md)"
+	deploy/debian/build $(BIN)/pip
 
 bench: .venv/.develop
 	@echo "== bench: ratios against named references, in one run"
@@ -23,6 +36,28 @@ lint: .venv/.develop
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy service training
 
+fuzz: .venv/.develop
+	@echo "== fuzz: every target for $(FUZZ_SECONDS) s each, guided by coverage; findings lie in out/fuzz (docs/security.md)"
+	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS)
+
+sbom: build/tools
+	@echo "== sbom: what the service is made of, as CycloneDX, in build/sbom.json"
+	build/tools/bin/cyclonedx-py requirements requirements/service.txt --pyproject pyproject.toml --mc-type application \
+		--output-reproducible --of JSON -o build/sbom.json
+
+# Pins anew what pyproject.toml, training/pyproject.toml and requirements/*.in ask for. A pin stays where it still fits: take its line out, or
+# the file away, to have it renewed.
+lock: build/tools
+	@echo "== lock: requirements/*.txt with hashes"
+	$(LOCK) pyproject.toml --all-extras -o requirements/service.txt
+	$(LOCK) pyproject.toml --all-extras training/pyproject.toml requirements/develop.in -c requirements/service.txt -o requirements/develop.txt
+	$(LOCK) requirements/build.in -c requirements/develop.txt -o requirements/build.txt
+	$(LOCK) requirements/tools.in -c requirements/develop.txt -o requirements/tools.txt
+
+# After a shipped model was exchanged.
+model-sums:
+	cd service/echogrid/models && sha256sum *.onnx > SHA256SUMS
+
 # Draws the demo drive anew; the same seed gives the same bytes.
 demo-drive: .venv/.develop
 	$(BIN)/echogrid-train demo --out service/echogrid/demo_drive --force
@@ -33,16 +68,23 @@ demo-drive: .venv/.develop
 	$(PYTHON) -m venv .venv
 	@touch $@
 
-.venv/.service: .venv/.python requirements/service.txt pyproject.toml
+.venv/.service: .venv/.python requirements/service.txt requirements/build.txt pyproject.toml
 	@echo "== the service and what it needs"
-	$(BIN)/pip install --quiet -r requirements/service.txt
-	$(BIN)/pip install --quiet --no-deps --editable .
+	$(BIN)/pip install --quiet --require-hashes -r requirements/service.txt -r requirements/build.txt
+	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
 	@touch $@
 
-.venv/.develop: .venv/.service requirements/develop.txt training/pyproject.toml
+.venv/.develop: .venv/.service requirements/develop.txt requirements/torch.txt training/pyproject.toml
 	@echo "== the training package, tests and tools (PyTorch among them: this takes a few minutes)"
-	$(BIN)/pip install --quiet -r requirements/develop.txt
-	$(BIN)/pip install --quiet --no-deps --editable training
+	$(BIN)/pip install --quiet --require-hashes -r requirements/develop.txt
+	$(BIN)/pip install --quiet -r requirements/torch.txt
+	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable training
+	@touch $@
+
+build/tools: requirements/tools.txt
+	@echo "== tools of maintainers, in build/tools"
+	$(PYTHON) -m venv --clear $@
+	$@/bin/pip install --quiet --require-hashes -r requirements/tools.txt
 	@touch $@
 
 clean:
