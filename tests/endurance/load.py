@@ -107,7 +107,7 @@ def _babble(service: Service, bus: str, frame_id: int) -> None:
     service.live.wait(60.0)
     opened, started, sent = _sender(service, bus), time.monotonic(), 0
     while not service.stop.is_set():
-        stamp = (service.pipeline.signals.newest_ns or 0) * 1e-9  # as if received now
+        stamp = (service.pipeline.signals.time.newest_ns or 0) * 1e-9  # as if received now
         while sent < (time.monotonic() - started) * FULL_BUS:
             opened.send(can.Message(timestamp=stamp, arbitration_id=frame_id, is_extended_id=False, data=bytes(8)))
             sent += 1

@@ -109,15 +109,15 @@ def _sample(service: Service, samples: list[dict[str, float]], seconds: float) -
     while (wall := time.monotonic() - started) < seconds and not service.stop.wait(SAMPLE):
         status, mapper, signals = service.status(), service.pipeline.mapper, service.pipeline.signals
         latency = status["latency_ms"]
-        if signals.newest_ns is None or latency["p50"] is None:
+        if signals.time.newest_ns is None or latency["p50"] is None:
             continue
-        first_ns = samples[0]["stamp_s"] if samples else signals.newest_ns * 1e-9
+        first_ns = samples[0]["stamp_s"] if samples else signals.time.newest_ns * 1e-9
         not_ok += status["state"] != "ok"
         samples.append(
             {
                 "wall_s": wall,
-                "stamp_s": signals.newest_ns * 1e-9,
-                "driven_s": signals.newest_ns * 1e-9 - first_ns,
+                "stamp_s": signals.time.newest_ns * 1e-9,
+                "driven_s": signals.time.newest_ns * 1e-9 - first_ns,
                 "distance_m": mapper.odometry.distance,
                 "rss_mib": status["rss_mib"],
                 "latency_p50_ms": latency["p50"],
