@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ipaddress
 import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal
+from urllib.parse import urlsplit
 
 import msgspec
 from msgspec import Meta
@@ -16,9 +18,11 @@ from echogrid.core.raster import GridSpec
 from echogrid.core.se2 import SE2
 from echogrid.core.static_gate import GateNoise
 from echogrid.errors import EchogridError
+from echogrid.io.credentials import Credentials
 from echogrid.io.toml import Table, load
 
-Positive = Annotated[float, Meta(gt=0)]
+Positive = Annotated[float, Meta(ge=1e-6, le=1e6)]  # wide enough for whatever unit, and nothing overflows
+NotNegative = Annotated[float, Meta(ge=0, le=1e6)]
 Name = Annotated[str, Meta(pattern="^[A-Za-z0-9_-]+$")]  # goes into Zenoh keys
 BUMPER = 0.2  # m: how far outside the outline a radar may sit, behind a bumper
 NAMED = ("analytic", "default", "paper")  # models that are no path
@@ -42,6 +46,9 @@ class Bus(Table, frozen=True):
     fd: bool = True
     bitrate: int | None = None
     data_bitrate: int | None = None
+    receive_buffer_kib: Annotated[int, Meta(ge=4, le=65536)] = (
+        200  # of the kernel, SocketCAN only; net.core.rmem_max is 208 KiB unless raised
+    )
     log_channel: str | int | None = None
 
 
@@ -64,7 +71,7 @@ class Radar(Table, frozen=True):
     yaw_deg: float
     profile: str = "corner_radar"
     dbc: str | None = None
-    id_offset: int = 0  # added to every id of the DBC
+    id_offset: Annotated[int, Meta(ge=-0x1FFFFFFF, le=0x1FFFFFFF)] = 0  # added to every id of the DBC
     fov_deg: Annotated[float, Meta(gt=0, le=360)] = 150.0  # the full angle
     max_range: Positive = 25.0  # m
 
@@ -86,10 +93,10 @@ class Gate(Table, frozen=True):
 
     range_rate: Positive = NOISE.range_rate  # m/s
     azimuth_deg: Positive = math.degrees(NOISE.azimuth)
-    speed: Annotated[float, Meta(ge=0)] = NOISE.speed  # of the speed
-    yaw_rate_deg_s: Annotated[float, Meta(ge=0)] = math.degrees(NOISE.yaw_rate)
+    speed: NotNegative = NOISE.speed  # of the speed
+    yaw_rate_deg_s: NotNegative = math.degrees(NOISE.yaw_rate)
     sigmas: Positive = NOISE.sigmas
-    mover_radius: Annotated[float, Meta(ge=0)] = NOISE.mover_radius  # m
+    mover_radius: NotNegative = NOISE.mover_radius  # m
 
     def noise(self) -> GateNoise:
         return GateNoise(
@@ -101,7 +108,7 @@ class SensorModel(Table, frozen=True):
     """The analytic inverse sensor model's log-odds for one detection."""
 
     occupied: Positive = BEAM.occupied
-    free: Annotated[float, Meta(le=0)] = BEAM.free
+    free: Annotated[float, Meta(ge=-1e6, le=0)] = BEAM.free
     beam_sigma_deg: Positive = math.degrees(BEAM.beam_sigma)
 
     def beam(self) -> BeamModel:
@@ -116,13 +123,43 @@ class Map(Table, frozen=True):
     max_tiles: Annotated[int, Meta(ge=16)] = 1024
 
 
+class Tls(Table, frozen=True):
+    """The service's PEM files, and whom it lets in: the common names in the certificates of those who may see."""
+
+    ca: str
+    certificate: str
+    key: str
+    viewers: Annotated[tuple[str, ...], Meta(min_length=1)]
+
+    def credentials(self) -> Credentials:
+        return Credentials(Path(self.ca), Path(self.certificate), Path(self.key))
+
+
 class Publish(Table, frozen=True):
     """Zenoh. By default on this machine's loopback alone, without scouting."""
 
     listen: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
     connect: tuple[str, ...] = ()
+    tls: Tls | None = None
+    plaintext: bool = False  # endpoints may leave this machine without TLS
     window_cells: Annotated[int, Meta(ge=16, le=4096)] = 256
     rate_hz: Positive = 10.0
+
+
+class Metrics(Table, frozen=True):
+    """Status for Prometheus; nothing by default. Either needs the extra `metrics`."""
+
+    listen: str | None = None  # address:port
+    file: str | None = None  # for node_exporter's textfile collector
+
+    def address(self) -> tuple[str, int] | None:
+        """Host and port of `listen`; None where there is none or it is not of that form."""
+        try:
+            parts = urlsplit(f"//{self.listen}")
+            host, port = parts.hostname, parts.port
+        except ValueError:  # no number, beyond 65535, a bracket that stays open
+            return None
+        return (host, port) if host and port and parts.netloc == self.listen and "@" not in self.listen else None
 
 
 class Config(Table, frozen=True):
@@ -131,6 +168,7 @@ class Config(Table, frozen=True):
     radar: tuple[Radar, ...] = ()
     vehicle: Name = "car"
     model: str = "default"  # one of NAMED, or the path of an .onnx file
+    model_sha256: Annotated[str, Meta(pattern="^[0-9a-f]{64}$")] | None = None  # of the path's file
     model_fallback: bool = False  # the analytic model where the configured one is not sound
     body: Body = Body()
     grid: Grid = Grid()
@@ -138,6 +176,7 @@ class Config(Table, frozen=True):
     sensor_model: SensorModel = SensorModel()
     map: Map = Map()
     publish: Publish = Publish()
+    metrics: Metrics = Metrics()
 
 
 def load_config(path: Path, model: str | None = None) -> Config:
@@ -148,7 +187,11 @@ def load_config(path: Path, model: str | None = None) -> Config:
     config = load(path, Config)
     if model is not None:
         path_or_name = str(Path(model).resolve()) if model.endswith(".onnx") else model
-        config = msgspec.structs.replace(config, model=path_or_name)
+        config = msgspec.structs.replace(config, model=path_or_name, model_sha256=None)
+    if config.publish.tls is not None:
+        files = {name: str(path.parent / getattr(config.publish.tls, name)) for name in ("ca", "certificate", "key")}
+        tls = msgspec.structs.replace(config.publish.tls, **files)
+        config = msgspec.structs.replace(config, publish=msgspec.structs.replace(config.publish, tls=tls))
     problem = next(_problems(config), None)
     if problem is not None:
         raise EchogridError(f"{path}: {problem}")
@@ -169,8 +212,15 @@ def _problems(config: Config) -> Iterator[str]:
         yield f"motion.bus: no [[bus]] is named '{config.motion.bus}', found {known}"
     if config.model not in NAMED and not config.model.endswith(".onnx"):
         yield f"model: '{config.model}' found, expected {', '.join(NAMED)}, or the path of an .onnx file"
+    if config.model in NAMED and config.model_sha256 is not None:
+        yield f"model_sha256: given for '{config.model}', expected beside the path of an .onnx file: shipped files are checked anyway"
     if config.model == "analytic" and config.map.fusion == "looks":
         yield "map.fusion: 'looks' found, expected 'sum' for the analytic model: its answers are independent, a network's are not"
+    if config.metrics.listen is not None and config.metrics.address() is None:
+        yield f"metrics.listen: '{config.metrics.listen}' found, expected an address and a port such as '127.0.0.1:9464'"
+    file = config.metrics.file
+    if file is not None and not (file.startswith("/") and file.endswith(".prom")):
+        yield f"metrics.file: '{file}' found, expected an absolute path that ends in .prom, as node_exporter reads no other"
     body = config.body
     for index, radar in enumerate(config.radar):
         if radar.bus not in buses:
@@ -181,3 +231,30 @@ def _problems(config: Config) -> Iterator[str]:
                 f"radar[{index}]: '{radar.name}' is mounted at x = {radar.x:g}, y = {radar.y:g} m, outside the car, "
                 f"which reaches from x = {rear:g} to {front:g} and y = {-side:g} to {side:g} m in base (see [body])"
             )
+    if config.publish.tls is not None and config.publish.plaintext:
+        yield "publish.plaintext: found beside [publish.tls], expected one of them"
+    for key, endpoints in (("listen", config.publish.listen), ("connect", config.publish.connect)):
+        for endpoint in endpoints:
+            problem = _exposed(endpoint, config.publish)
+            if problem is not None:
+                yield f"publish.{key}: '{endpoint}' {problem}"
+
+
+def _exposed(endpoint: str, publish: Publish) -> str | None:
+    """What is wrong with an endpoint's protection, or None."""
+    if publish.tls is not None:
+        return None if endpoint.startswith("tls/") else "found beside [publish.tls], expected tls/HOST:PORT: others bring no certificate"
+    if endpoint.startswith("tls/"):
+        return "found, expected [publish.tls] with it"
+    if publish.plaintext or _stays_here(endpoint):
+        return None
+    return "leads out of this machine unprotected, expected tls/HOST:PORT and [publish.tls], or plaintext = true on a trusted network"
+
+
+def _stays_here(endpoint: str) -> bool:
+    protocol, _, address = endpoint.partition("/")
+    host = address.rpartition(":")[0].strip("[]")
+    try:
+        return protocol == "unixsock-stream" or host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:  # a name, or nothing that Zenoh knows
+        return False

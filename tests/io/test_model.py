@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import base64
+import os
+import subprocess
+import sys
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -209,3 +212,11 @@ def test_the_networks_here_tell_the_classes_apart() -> None:
     assert set(logits(image(3)).argmax(axis=0).reshape(-1).tolist()) == {0, 1, 2}
     assert logits(np.zeros((PLANES, 1, 1)))[:, 0, 0].argmax() == 1  # where nothing was seen
     assert CLASSES.any(axis=1).tolist() == [True, False, True]
+
+
+def test_onnxruntime_keeps_no_record_of_its_use(tmp_path: Path) -> None:
+    """It would leave a device's id in the home folder and send it to its makers."""
+    code = "from echogrid.io.model_choice import choose; import onnxruntime; onnxruntime.SessionOptions()"
+    environment = {key: value for key, value in os.environ.items() if not key.startswith(("XDG_", "ORT_"))} | {"HOME": str(tmp_path)}
+    subprocess.run([sys.executable, "-c", code], env=environment, check=True, timeout=60)
+    assert list(tmp_path.rglob("*")) == []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import zlib
 from pathlib import Path
 
@@ -18,12 +19,17 @@ from echogrid.core.raster import GridSpec
 from echogrid.errors import EchogridError
 from echogrid.io import model_choice
 from echogrid.io.model import OnnxSensorModel
-from echogrid.io.model_choice import choose, choose_file, measure, shipped
+from echogrid.io.model_choice import choose, choose_file, folder, measure, shipped, sums
 from echogrid.pipeline import SensorModel, sensor_model
 
 SPEC = GridSpec(cells=16, cell=0.5)
 EMPTY = np.zeros((networks.PLANES, 16, 16), np.uint8)
 WRONG = [held(EMPTY, logits(EMPTY) + 1.0)]  # as a machine with other kernels would answer
+
+
+def sha256(path: Path) -> str:
+    """By coreutils."""
+    return subprocess.run(["sha256sum", path], capture_output=True, text=True, check=True).stdout.split()[0]
 
 
 def files(folder: Path, int8: object = None) -> list[Path]:
@@ -45,7 +51,7 @@ def test_the_first_sound_file_runs_unless_the_other_is_clearly_faster(
     name = "default.onnx" if times == (0.005, 0.002) else "default.x86.onnx"
     assert choice.model.path == tmp_path / name
     said = " ms, ".join(f"{path} {seconds * 1e3:.1f}" for path, seconds in zip(("default.x86.onnx", "default.onnx"), times, strict=True))
-    assert choice.why == f"{name}, by {said} ms"
+    assert choice.why == f"{name}, by {said} ms, SHA-256 {sha256(choice.model.path)}"
 
 
 def test_a_file_that_answers_wrongly_here_gives_way_and_it_is_said(tmp_path: Path) -> None:
@@ -84,7 +90,32 @@ def test_int8_is_looked_for_first_and_for_this_machine(tmp_path: Path, machine: 
 def test_a_path_is_taken_as_it_is(tmp_path: Path) -> None:
     path = write(tmp_path / "mine.onnx", *networks.paper())
     choice = choose(str(path), SPEC, {})
-    assert (choice.model.path, choice.why) == (path, "mine.onnx, as configured")
+    assert (choice.model.path, choice.why) == (path, f"mine.onnx, as configured, SHA-256 {sha256(path)}")
+
+
+def test_a_file_is_run_only_with_the_hash_that_the_configuration_gives(tmp_path: Path) -> None:
+    path = write(tmp_path / "net.onnx", *networks.paper())
+    right = sha256(path)
+    assert configured(tmp_path, f'model = "net.onnx"\nmodel_sha256 = "{right}"').why.endswith(right)
+    write(path, *networks.paper(calibration={"offset": 0.1}))  # as sound as before, but another
+    with pytest.raises(EchogridError) as caught:
+        configured(tmp_path, f'model = "net.onnx"\nmodel_sha256 = "{right}"')
+    assert str(caught.value) == f"{tmp_path / 'echogrid.toml'}: model: {path}: has the SHA-256 {sha256(path)}, expected {right}"
+    model = configured(tmp_path, f'model = "net.onnx"\nmodel_sha256 = "{right}"\nmodel_fallback = true')
+    assert model.why.startswith(f"the analytic model, in place of 'net.onnx': {path}: has the SHA-256 ")
+
+
+def test_a_shipped_file_that_was_exchanged_gives_way(tmp_path: Path) -> None:
+    int8, exact = files(tmp_path)
+    choice = choose_file([int8, exact], SPEC, {}, {int8.name: "0" * 64, exact.name: sha256(exact)})
+    assert choice.model.path == exact
+    assert choice.why.endswith(f"; {int8}: has the SHA-256 {sha256(int8)}, expected {'0' * 64}")
+    with pytest.raises(EchogridError, match=r"default.onnx: has the SHA-256 \w+, expected one that SHA256SUMS lists"):
+        choose_file([exact], SPEC, {}, {})
+
+
+def test_the_list_of_hashes_is_that_of_the_shipped_files() -> None:
+    assert sums() == {path.name: sha256(path) for path in folder().glob("*.onnx")}
 
 
 def configured(folder: Path, text: str) -> SensorModel:
@@ -131,8 +162,7 @@ def test_the_file_says_which_map_it_is_for_and_the_configuration_may_say_otherwi
 def test_the_shipped_files_are_sound_here_and_say_nearly_the_same() -> None:
     """All of the default network's, whatever machine they are for: int8 kernels for either exist everywhere."""
     spec = GridSpec()
-    folder = shipped("default")[-1].parent
-    models = [OnnxSensorModel(folder / f"default{kind}.onnx", spec, {}) for kind in ("", ".x86", ".arm")]
+    models = [OnnxSensorModel(folder() / f"default{kind}.onnx", spec, {}) for kind in ("", ".x86", ".arm")]
     assert [model.contract.precision for model in models] == ["float", "int8", "int8"]
     assert len({model.contract.calibration for model in models}) == 1
     golden = np.frombuffer(zlib.decompress(models[0].contract.golden[0].image), np.uint8).reshape(networks.PLANES, 128, 128)

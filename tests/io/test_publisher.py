@@ -158,6 +158,21 @@ def test_status_on_the_wire(port: int) -> None:
     assert status["health"]["cycles"] == 3
 
 
+def test_diagnostics_on_the_wire(port: int) -> None:
+    part = cdr.DiagnosticStatus(cdr.Level.WARN, "echogrid: radar fl", "silent for 1.2 s", "fl", {"late": "3"})
+    array = cdr.DiagnosticArray(EGO.stamp_ns, "", (part,))
+    with publish(port) as publisher, subscribed(port, "echogrid/v1/car/diagnostics") as subscriber:
+        sample = receive(subscriber, lambda: publisher.diagnostics(array))
+        assert str(sample.encoding) == "application/cdr;diagnostic_msgs/msg/DiagnosticArray"
+        assert sample.attachment is not None
+        assert cdr.decode_attachment(bytes(sample.attachment))[1] == EGO.stamp_ns
+        message = get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr(bytes(sample.payload), "diagnostic_msgs/msg/DiagnosticArray")
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1_700_000_000, 1)
+    (status,) = message.status
+    assert (status.level, status.name, status.message, status.hardware_id) == (1, "echogrid: radar fl", "silent for 1.2 s", "fl")
+    assert [(pair.key, pair.value) for pair in status.values] == [("late", "3")]
+
+
 def test_attachment_counts_and_names_its_source(port: int) -> None:
     log_odds = np.zeros((2, 2), dtype=np.float32)
     with publish(port) as publisher, subscribed(port, "echogrid/v1/car/**") as subscriber:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,7 +11,12 @@ from cantools.database.can import Database, Message
 from cantools.database.can import Signal as DbcSignal
 
 from echogrid.errors import EchogridError
-from echogrid.io.decode import SignalLayout, layout_of
+from echogrid.io.decode import SignalLayout, fits, layout_of
+from echogrid.io.files import read
+
+LONGEST = 64  # bytes of a frame
+MOST_BYTES = 16 << 20
+ABSURD = re.compile(r"SG_\s+\w+\s+(?:[mM]\w*\s*)?:\s*(?:\d{6,}\s*\||\d+\s*\|\s*\d{6,}\s*@)")  # a signal's start or length
 
 
 class Dbc:
@@ -24,15 +30,29 @@ class Dbc:
     def message(self, name: str, key: str) -> Message:
         """The message of that name; `key` is where the profile asks for it."""
         try:
-            return self.database.get_message_by_name(name)
+            message = self.database.get_message_by_name(name)
         except KeyError:
             raise EchogridError(f"{self.profile}: {key}: {self.path} has no message '{name}'") from None
+        if message.length > LONGEST:
+            raise EchogridError(f"{self.path}: message '{name}' has {message.length} bytes, expected at most {LONGEST}, as CAN FD has")
+        return message
 
     def signal(self, message: Message, name: str, key: str) -> DbcSignal:
-        try:
-            return message.get_signal_by_name(name)
-        except KeyError:
-            raise EchogridError(f"{self.profile}: {key}: message '{message.name}' of {self.path} has no signal '{name}'") from None
+        by_name = {signal.name: signal for signal in message.signals}
+        if name not in by_name:
+            raise EchogridError(f"{self.profile}: {key}: message '{message.name}' of {self.path} has no signal '{name}'")
+        chain = [by_name[name]]
+        while (selector := chain[-1].multiplexer_signal) is not None:
+            if selector not in by_name or by_name[selector] in chain:
+                raise EchogridError(f"{self.path}: message '{message.name}': no signal decides when '{name}' is there")
+            chain.append(by_name[selector])
+        for signal in chain:
+            if not fits(signal, message.length):
+                raise EchogridError(
+                    f"{self.path}: message '{message.name}': signal '{signal.name}' of {signal.length} bits from bit {signal.start} on "
+                    f"is no number within its {message.length} bytes"
+                )
+        return by_name[name]
 
     def integer(self, message: Message, name: str, key: str) -> SignalLayout:
         """The layout of a signal that counts or flags something."""
@@ -78,11 +98,12 @@ def _algorithms(module: object) -> frozenset[str]:
 
 
 def _load(path: Path) -> Database:
+    text = read(path, MOST_BYTES).decode("cp1252", errors="replace")
+    if ABSURD.search(text):  # cantools makes masks as wide
+        raise EchogridError(f"{path}: a signal starts at bit 100000 or later, or has so many")
     try:
         database = Database(strict=False)
-        database.add_dbc_file(path)
+        database.add_dbc_string(text)
         return database
-    except OSError as error:
-        raise EchogridError(f"{path}: cannot be read: {error.strerror}") from error
     except Exception as error:  # cantools lets errors of its parser's inside through: KeyError, ValueError, AttributeError
         raise EchogridError(f"{path}: is not a DBC file that cantools reads: {error}") from error

@@ -7,6 +7,7 @@ where shift + length exceeds 64. Each row holds the payload forwards and backwar
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -62,6 +63,18 @@ def layout_of(signal: DbcSignal) -> SignalLayout:
         is_float=signal.is_float,
         scale=float(signal.scale),
         offset=float(signal.offset),
+    )
+
+
+def fits(signal: DbcSignal, length: int) -> bool:
+    """Whether the signal's layout is sound and lies within `length` bytes; cantools takes any."""
+    lengths = (16, 32, 64) if signal.is_float else range(1, 65)
+    first = signal.start if signal.byte_order == "little_endian" else 8 * (signal.start // 8) + 7 - signal.start % 8
+    return (
+        signal.length in lengths
+        and 0 <= first <= 8 * length - signal.length
+        and math.isfinite(signal.scale)
+        and math.isfinite(signal.offset)
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from echogrid.core.messages import Floats
 from echogrid.errors import EchogridError
 from echogrid.io.picture import Panel
 
+MOST_BYTES = 1 << 30  # that a truth file unpacks to
 LOGS = ("can.log.gz", "can.log", "can.blf", "can.asc", "can.mf4", "can.trc")
 
 
@@ -54,12 +56,20 @@ def load_truth(path: Path) -> Truth | None:
     if not path.is_file():
         return None
     try:
+        with ZipFile(path) as packed:
+            unpacked = sum(entry.file_size for entry in packed.infolist())
+        if unpacked > MOST_BYTES:
+            raise ValueError(f"it unpacks to {unpacked >> 20} MiB")
         with np.load(path, allow_pickle=False) as file:
-            poses = np.stack([file[key] for key in ("x", "y", "yaw")], axis=1).astype(float)
+            stamp_ns, columns = file["stamp_ns"].astype(np.int64), [file[key].astype(float) for key in ("x", "y", "yaw")]
+            if stamp_ns.ndim != 1 or any(column.shape != stamp_ns.shape for column in columns):
+                raise ValueError("their lengths differ")
             known = None
             if "log_odds" in file:
-                x, y = file["origin"].tolist()
-                known = Panel("truth", file["log_odds"], (x, y))
-            return Truth(file["stamp_ns"].astype(np.int64), poses, known)
-    except (OSError, ValueError, KeyError) as error:
+                x, y = map(float, file["origin"])
+                known = Panel("truth", file["log_odds"].astype(np.float32), (x, y))
+                if known.log_odds.ndim != 2:
+                    raise ValueError("the map log_odds is no plane")
+            return Truth(stamp_ns, np.stack(columns, axis=1), known)
+    except Exception as error:  # zipfile, zlib and numpy raise what garbage makes them stumble over
         raise EchogridError(f"{path}: is no truth file with the arrays stamp_ns, x, y and yaw: {error}") from error

@@ -20,6 +20,7 @@ def configure(level: str) -> None:
     handler.setFormatter(JournalFormatter() if to_journal() else logging.Formatter("%(levelname)s %(name)s: %(message)s"))
     handler.addFilter(RepeatFilter())
     logging.basicConfig(level=level.upper(), handlers=[handler])
+    logging.getLogger("can").setLevel(max(logging.WARNING, logging.getLevelName(level.upper())))  # tells of every socket it makes
 
 
 def to_journal() -> bool:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import gzip
 import io
+import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,10 @@ import can
 from can.io.player import MESSAGE_READERS
 
 from echogrid.errors import EchogridError
+from echogrid.io.blf import Blf
 
+LONGEST_LINE = 1 << 16  # characters
+END_OF_TIME = 2**31  # s, either way of 1970: what ROS's stamps hold
 TEXT, BINARY, BY_PATH = (".asc", ".csv", ".log", ".trc"), (".blf",), (".db", ".mf4")
 
 
@@ -45,7 +50,9 @@ class Log:
     def __iter__(self) -> Iterator[can.Message]:
         try:
             with self._raw:
-                for message in self._reader():
+                reader = self._reader()  # kept until the file is closed: what it wraps would else complain
+                for message in reader:
+                    _check(message)
                     self.messages += 1
                     yield message
         except (EchogridError, GeneratorExit):
@@ -59,8 +66,39 @@ class Log:
             raise EchogridError(f"{self.path}: holds no CAN message")
 
     def _reader(self) -> Any:
-        reader: Any = MESSAGE_READERS[self._suffix]
+        reader: Any = Blf if self._suffix == ".blf" else MESSAGE_READERS[self._suffix]
+        if self._suffix == ".db":
+            _check_database(self.path)
         if self._suffix in BY_PATH:
             return reader(self.path)
         stream: Any = gzip.GzipFile(fileobj=self._raw) if self._zipped else self._raw
-        return reader(io.TextIOWrapper(stream, encoding="utf-8", errors="strict") if self._suffix in TEXT else stream)
+        return reader(_Lines(stream, encoding="utf-8", errors="strict") if self._suffix in TEXT else stream)
+
+
+class _Lines(io.TextIOWrapper):
+    """Iterates over lines; one without an end is an error and not a gigabyte of memory."""
+
+    def __next__(self) -> str:  # type: ignore[override]
+        line = self.readline(LONGEST_LINE + 1)
+        if not line:
+            raise StopIteration
+        if len(line) > LONGEST_LINE:
+            raise ValueError(f"a line has more than {LONGEST_LINE} characters")
+        return line
+
+
+def _check(message: can.Message) -> None:
+    """Raises ValueError for what no reader should have taken: SQLite and text know numbers that are no time, or no id."""
+    if not (isinstance(message.timestamp, int | float) and abs(message.timestamp) < END_OF_TIME):
+        raise ValueError(f"the next message's time is {message.timestamp!r}")
+    if not isinstance(message.arbitration_id, int):
+        raise ValueError(f"the next message's id is {message.arbitration_id!r}")
+
+
+def _check_database(path: Path) -> None:
+    """Raises ValueError unless the messages lie there as such: a view or a computed column can go on for ever."""
+    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
+        kinds = [kind for (kind,) in database.execute("SELECT type FROM pragma_table_list WHERE schema = 'main' AND name = 'messages'")]
+        computed = database.execute("SELECT count(*) FROM pragma_table_xinfo('messages') WHERE hidden").fetchone()
+    if kinds != ["table"] or computed != (0,):
+        raise ValueError("the database has no plain table 'messages'")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,6 +11,8 @@ from typing import Literal
 
 import msgspec
 import numpy as np
+
+os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read by the import: it would report its use to its makers
 import onnxruntime
 from numpy.typing import NDArray
 
@@ -18,12 +22,14 @@ from echogrid.core.look_map import Calibration
 from echogrid.core.mount import Mount
 from echogrid.core.raster import GridSpec, Image, rasterize
 from echogrid.errors import EchogridError
+from echogrid.io.files import read
 
 KEY, VERSION = "echogrid", 2  # of the metadata: the contract as JSON
 PAPER = ("detections",)
 FOLD = 2  # cells along a side of the blocks that are folded into channels (space to depth)
 COARSE = 8  # cells along a side of a block whose mean a golden answer keeps
 TOLERANCE = {"float": 1e-3, "int8": 0.05}  # of golden answers, in logits: kernels differ between machines by far less
+MOST_BYTES = 256 << 20  # of a file
 MOST_GOLDEN = 1 << 20  # bytes of an image, unpacked
 
 Planes = NDArray[np.float32]
@@ -58,19 +64,22 @@ class OnnxSensorModel:
     make the slowest runs far slower.
     """
 
-    def __init__(self, path: Path, spec: GridSpec, mounts: Mapping[str, Mount]) -> None:
-        """Raises EchogridError where the file is no model, was made for another grid, or does not give its golden answers."""
+    def __init__(self, path: Path, spec: GridSpec, mounts: Mapping[str, Mount], sha256: str | None = None) -> None:
+        """Raises EchogridError where the file has not that SHA-256 (None: any will do), is no model, was made for another grid, or does not
+        give its golden answers."""
         self.path = path
         self.spec = spec
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # a waiting core is not ours to burn
+        data = read(path, MOST_BYTES)
+        self.sha256 = hashlib.sha256(data).hexdigest()
+        if sha256 is not None and self.sha256 != sha256:
+            raise EchogridError(f"{path}: has the SHA-256 {self.sha256}, expected {sha256}")
         try:
-            self._session = onnxruntime.InferenceSession(path.read_bytes(), options, providers=["CPUExecutionProvider"])
-        except OSError as error:
-            raise EchogridError(f"{path}: cannot be read: {error.strerror}") from error
+            self._session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # onnxruntime's errors have no common class
-            raise EchogridError(f"{path}: is no ONNX model that onnxruntime reads: {str(error).splitlines()[0]}") from error
+            raise EchogridError(f"{path}: is no ONNX model that onnxruntime reads: {_line(error)}") from error
         self.contract = self._read_contract()
         self._check(spec)
         self._raster = HistoryRaster(spec, mounts)
@@ -98,7 +107,10 @@ class OnnxSensorModel:
         return np.asarray(output if self.contract.output == "log-odds" else unfolded(output[0]))
 
     def _read_contract(self) -> Contract:
-        text = self._session.get_modelmeta().custom_metadata_map.get(KEY)
+        try:
+            text = self._session.get_modelmeta().custom_metadata_map.get(KEY)
+        except UnicodeDecodeError as error:
+            raise EchogridError(f"{self.path}: has metadata that are no text") from error
         if text is None:
             raise EchogridError(f"{self.path}: has no metadata '{KEY}': it was not exported for this service")
         try:
@@ -149,7 +161,7 @@ class OnnxSensorModel:
         try:
             found = coarse(self.run(np.frombuffer(image, np.uint8).reshape(shape)))
         except Exception as error:  # onnxruntime's again
-            raise EchogridError(f"{self.path}: does not run: {str(error).splitlines()[0]}") from error
+            raise EchogridError(f"{self.path}: does not run: {_line(error)}") from error
         worst = float(np.abs(found - np.frombuffer(golden.coarse, dtype="<f4").reshape(found.shape)).max())
         tolerance = TOLERANCE[self.contract.precision]
         if not worst <= tolerance:  # no number neither
@@ -180,3 +192,8 @@ def coarse(planes: Planes) -> Planes:
     count, height, width = planes.shape
     means: Planes = planes.reshape(count, height // COARSE, COARSE, width // COARSE, COARSE).mean(axis=(2, 4), dtype=np.float32)
     return means
+
+
+def _line(error: Exception) -> str:
+    """The first line of what onnxruntime says, which may be nothing."""
+    return next(iter(str(error).splitlines()), type(error).__name__)

@@ -32,27 +32,45 @@ class Choice:
     why: str
 
 
-def choose(name: str, spec: GridSpec, mounts: Mapping[str, Mount]) -> Choice:
-    """`name` is one of SHIPPED or the path of a file. Raises EchogridError where none of the files is sound."""
-    if name not in SHIPPED:
-        return Choice(OnnxSensorModel(Path(name), spec, mounts), f"{Path(name).name}, as configured")
-    return choose_file(shipped(name), spec, mounts)
+def choose(name: str, spec: GridSpec, mounts: Mapping[str, Mount], sha256: str | None = None) -> Choice:
+    """`name` is one of SHIPPED or the path of a file, which must then have that SHA-256, if one is given.
+
+    Raises EchogridError where none of the files is sound.
+    """
+    if name in SHIPPED:
+        return choose_file(shipped(name), spec, mounts, sums())
+    model = OnnxSensorModel(Path(name), spec, mounts, sha256)
+    return Choice(model, f"{model.path.name}, as configured, SHA-256 {model.sha256}")
+
+
+def folder() -> Path:
+    """Where the shipped models lie."""
+    return Path(str(files("echogrid") / "models"))
+
+
+def sums() -> dict[str, str]:
+    """SHA-256 of each shipped file by its name, from the list beside them: a file that was exchanged or torn is not run."""
+    lines = (folder() / "SHA256SUMS").read_text(encoding="ascii").splitlines()
+    return {name: digest for digest, name in (line.split() for line in lines)}
 
 
 def shipped(name: str) -> list[Path]:
     """Files of a shipped network for this machine: int8 first, where there is one."""
-    folder = Path(str(files("echogrid") / "models"))
-    int8 = folder / f"{name}.{'arm' if platform.machine().lower() in ARM else 'x86'}.onnx"
-    return [*([int8] if int8.exists() else []), folder / f"{name}.onnx"]
+    int8 = folder() / f"{name}.{'arm' if platform.machine().lower() in ARM else 'x86'}.onnx"
+    return [*([int8] if int8.exists() else []), folder() / f"{name}.onnx"]
 
 
-def choose_file(paths: list[Path], spec: GridSpec, mounts: Mapping[str, Mount]) -> Choice:
-    """The first of the files that give their golden answers on this machine, or a later one that is clearly faster here."""
+def choose_file(paths: list[Path], spec: GridSpec, mounts: Mapping[str, Mount], sums: Mapping[str, str] | None = None) -> Choice:
+    """The first of the files that give their golden answers on this machine, or a later one that is clearly faster here.
+
+    `sums`: the SHA-256 that a file of each name must have; None: any.
+    """
     sound: list[OnnxSensorModel] = []
     wrong: list[EchogridError] = []
     for path in paths:
         try:
-            sound.append(OnnxSensorModel(path, spec, mounts))
+            expected = None if sums is None else sums.get(path.name, "one that SHA256SUMS lists")
+            sound.append(OnnxSensorModel(path, spec, mounts, expected))
         except EchogridError as error:
             wrong.append(error)
     if not sound:
@@ -61,7 +79,8 @@ def choose_file(paths: list[Path], spec: GridSpec, mounts: Mapping[str, Mount]) 
     fastest = int(np.argmin(times))
     best = sound[fastest if times[fastest] < CLEARLY * times[0] else 0]
     said = [f"{model.path.name} {seconds * 1e3:.1f} ms" for model, seconds in zip(sound, times, strict=True)]
-    return Choice(best, f"{best.path.name}, by {', '.join(said)}" + "".join(f"; {error}" for error in wrong))
+    why = f"{best.path.name}, by {', '.join(said)}, SHA-256 {best.sha256}"
+    return Choice(best, why + "".join(f"; {error}" for error in wrong))
 
 
 def measure(models: list[OnnxSensorModel]) -> list[float]:

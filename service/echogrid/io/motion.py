@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import can
 from cantools.database.can import Message
@@ -10,6 +11,7 @@ from cantools.database.can import Message
 from echogrid.core.health import Health
 from echogrid.core.messages import EgoMotion, Speed, YawRate
 from echogrid.errors import EchogridError
+from echogrid.io.cadence import JUMP, Cadence
 from echogrid.io.dbc import Checksum, Dbc
 from echogrid.io.decode import SignalLayout
 from echogrid.io.profile import FrameCrc, MotionProfile
@@ -76,9 +78,11 @@ class MotionReader:
             motion.append(YawRate(received_ns - round(self.profile.yaw_rate.latency_ms * 1e6), yaw_rate))
         if any(math.isnan(m.speed if isinstance(m, Speed) else m.yaw_rate) for m in motion):
             raise ValueError("invalid value")
-        self.health.lost_frames += self.checks[frame_id].accept(payload)
+        check = self.checks[frame_id]
+        continues = check.accept(payload, received_ns)
+        self.health.lost_frames += check.missing
         self.reverse = reverse
-        return motion
+        return motion if continues else [replace(sample, continues=False) for sample in motion]
 
 
 class _FrameCheck:
@@ -89,6 +93,12 @@ class _FrameCheck:
         self.counter = dbc.integer(message, counter, f"{key}.counter") if counter else None
         self.crc: Checksum | None = dbc.checksum(message, crc.signal, crc.algorithm, f"{key}.crc") if crc else None
         self.last: int | None = None
+        self.cadence = Cadence(self.counter.length) if self.counter is not None else None
+
+    @property
+    def missing(self) -> int:
+        """Frames between the last two, by their counters."""
+        return 0 if self.cadence is None else self.cadence.missing
 
     def payload(self, message: can.Message) -> bytes:
         """The message's bytes; raises ValueError where they are unsound."""
@@ -101,13 +111,14 @@ class _FrameCheck:
             raise ValueError("repeated counter")
         return payload
 
-    def accept(self, payload: bytes) -> int:
-        """Takes the counter over; how many frames are missing since the last one."""
-        if self.counter is None:
-            return 0
-        number, last = self.counter.raw(payload), self.last
-        self.last = number
-        return 0 if last is None else (number - last) % (1 << self.counter.length) - 1
+    def accept(self, payload: bytes, received_ns: int) -> bool:
+        """Takes the counter over; False where time has jumped since the last frame."""
+        if self.counter is None or self.cadence is None:
+            return True
+        self.last = self.counter.raw(payload)
+        before = self.cadence.lag
+        self.cadence.add(self.last, received_ns)
+        return abs(self.cadence.lag - before) < JUMP
 
 
 def _id(message: Message) -> FrameId:

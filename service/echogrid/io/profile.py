@@ -26,8 +26,10 @@ UNITS = {
     "radar cross section": {"dBsm": 1.0},
     "share": {"1": 1.0, "%": 0.01},
 }
+MESSAGES = 2048  # as many as there are ids of 11 bits
 FACTORS = {unit: factor for units in UNITS.values() for unit, factor in units.items()}
 Sign = Literal[1, -1]
+Milliseconds = Annotated[float, Meta(ge=0, le=60_000)]
 
 
 class Valid(Table, frozen=True):
@@ -48,7 +50,7 @@ class Quantity(Table, frozen=True):
     signal: str
     unit: str
     sign: Sign = 1
-    offset: float = 0.0
+    offset: Annotated[float, Meta(ge=-1e9, le=1e9)] = 0.0
     negative_if: Valid | None = None
     valid: Valid | None = None
 
@@ -107,9 +109,9 @@ class Detections(Table, frozen=True):
     n: tuple[int, int] | None = None  # first and last number of the message
     page: str | None = None
     cycle: str | None = None
-    cycle_bits: int | None = None
-    per_frame: Annotated[int, Meta(ge=1)] = 1
-    first_k: int = 1
+    cycle_bits: Annotated[int, Meta(ge=1, le=64)] | None = None
+    per_frame: Annotated[int, Meta(ge=1, le=64)] = 1
+    first_k: Annotated[int, Meta(ge=0, le=1000)] = 1
     range: Quantity | None = None
     azimuth: Quantity | None = None
     range_rate: Quantity | None = None
@@ -122,6 +124,8 @@ class Detections(Table, frozen=True):
     crc: FrameCrc | None = None
 
     def __post_init__(self) -> None:
+        if self.n is not None and not 0 <= self.n[0] <= self.n[1] < MESSAGES:
+            raise ValueError(f"n = {list(self.n)} found, expected the first and the last number, from 0 to {MESSAGES - 1}")
         for one, other in (("range and azimuth", "x and y"), ("range_rate", "vx and vy")):
             halves = [all(getattr(self, key) is not None for key in names.split(" and ")) for names in (one, other)]
             some = [any(getattr(self, key) is not None for key in names.split(" and ")) for names in (one, other)]
@@ -145,10 +149,10 @@ class RadarProfile(Table, frozen=True, tag_field="kind", tag="radar"):
     crc: CycleCrc | None = None
     dbc: str | None = None
     ends_with: str | None = None
-    frames: int | None = None
-    timeout_ms: float = 100.0
-    latency_ms: float = 0.0
-    ambiguity_interval: float = 0.0  # m/s, for sensors that do not report theirs; 0: unambiguous
+    frames: Annotated[int, Meta(ge=1, le=4096)] | None = None
+    timeout_ms: Milliseconds = 100.0
+    latency_ms: Milliseconds = 0.0
+    ambiguity_interval: Annotated[float, Meta(ge=0, le=1000)] = 0.0  # m/s, for sensors that do not report theirs; 0: unambiguous
     max_detections: Annotated[int, Meta(ge=1)] = 64
 
     def __post_init__(self) -> None:
@@ -162,7 +166,7 @@ class WheelSpeeds(Table, frozen=True):
     message: str
     rear_left: Quantity
     rear_right: Quantity
-    latency_ms: float = 0.0
+    latency_ms: Milliseconds = 0.0
     counter: str | None = None
     crc: FrameCrc | None = None
 
@@ -178,7 +182,7 @@ class WheelSpeeds(Table, frozen=True):
 class YawRateFrame(Table, frozen=True):
     message: str
     yaw_rate: Quantity
-    latency_ms: float = 0.0
+    latency_ms: Milliseconds = 0.0
     counter: str | None = None
     crc: FrameCrc | None = None
 

@@ -21,13 +21,17 @@ from echogrid.core.odometry import EgoState
 from echogrid.core.tiled_map import LogOdds
 from echogrid.errors import EchogridError
 from echogrid.io import cdr
+from echogrid.io.access import access_control
+from echogrid.io.credentials import Credentials
 
 MAP_FRAME, CAR_FRAME = "odom", "base"
-GRID_KEY, ODOMETRY_KEY, STATUS_KEY, ALIVE_KEY = "grid/fused/full", "odom", "status", "alive/fusion"
+GRID_KEY, ODOMETRY_KEY, STATUS_KEY, DIAGNOSTICS_KEY, ALIVE_KEY = "grid/fused/full", "odom", "status", "diagnostics", "alive/fusion"
+VIEWED = ("**", "**/@adv/**")  # `**` passes over chunks that begin with @, where the last map is asked for
 EXAMPLE = "tcp/127.0.0.1:7447"
 
 GRID_ENCODING = zenoh.Encoding.APPLICATION_CDR.with_schema("nav_msgs/msg/OccupancyGrid")
 ODOMETRY_ENCODING = zenoh.Encoding.APPLICATION_CDR.with_schema("nav_msgs/msg/Odometry")
+DIAGNOSTICS_ENCODING = zenoh.Encoding.APPLICATION_CDR.with_schema("diagnostic_msgs/msg/DiagnosticArray")
 
 
 def key(vehicle: str, name: str) -> str:
@@ -46,14 +50,17 @@ def occupancy_percent(log_odds: LogOdds) -> NDArray[np.int8]:
 class Publisher:
     """A Zenoh session, open from construction to `close` or the end of `with`; one thread publishes.
 
-    Raises EchogridError naming the key in [publish], the endpoint and what to do where Zenoh does not take one. No call waits for a
-    subscriber: one that is too slow misses messages.
+    Raises EchogridError naming the key in [publish], the endpoint or file and what to do where Zenoh would not take one. No call waits for
+    a subscriber: one that is too slow misses messages. Others may read the vehicle's keys over this session, and write nothing.
     """
 
     def __init__(self, settings: config.Publish, vehicle: str) -> None:
+        credentials = _credentials(settings)
+        access = access_control([key(vehicle, names) for names in VIEWED], None if settings.tls is None else settings.tls.viewers)
         self._open = ExitStack()
         try:
-            session = self._open.enter_context(zenoh.open(session_config(settings.listen, settings.connect, sends=True)))
+            opened = zenoh.open(session_config(settings.listen, settings.connect, sends=True, credentials=credentials, access=access))
+            session = self._open.enter_context(opened)
         except zenoh.ZError as error:
             raise EchogridError(_refused(settings, error)) from error
         self._grid = _Stamped(
@@ -83,6 +90,15 @@ class Publisher:
         self._status = session.declare_publisher(
             key(vehicle, STATUS_KEY), encoding=zenoh.Encoding.APPLICATION_JSON, priority=zenoh.Priority.DATA_HIGH
         )
+        self._diagnostics = _Stamped(
+            session.declare_publisher(
+                key(vehicle, DIAGNOSTICS_KEY),
+                encoding=DIAGNOSTICS_ENCODING,
+                priority=zenoh.Priority.DATA_HIGH,
+                reliability=zenoh.Reliability.RELIABLE,
+            ),
+            session,
+        )
         self._alive = session.liveliness().declare_token(key(vehicle, ALIVE_KEY))
 
     def __enter__(self) -> Self:
@@ -109,6 +125,10 @@ class Publisher:
         """Anything that JSON can hold, dataclasses too, under names."""
         self._status.put(msgspec.json.encode(status))
 
+    def diagnostics(self, diagnostics: cdr.DiagnosticArray) -> None:
+        """How the parts fare, for ROS."""
+        self._diagnostics.put(cdr.encode_diagnostics(diagnostics), diagnostics.stamp_ns)
+
 
 class _Stamped:
     """A key whose samples carry rmw_zenoh's attachment; remembers how many it sent."""
@@ -124,13 +144,21 @@ class _Stamped:
         self.publisher.put(payload, attachment=cdr.encode_attachment(self.sequence, stamp_ns, self.gid))
 
 
-def session_config(listen: Sequence[str], connect: Sequence[str], *, sends: bool) -> zenoh.Config:
+def session_config(
+    listen: Sequence[str],
+    connect: Sequence[str],
+    *,
+    sends: bool,
+    credentials: Credentials | None = None,
+    access: Mapping[str, object] | None = None,
+) -> zenoh.Config:
     """Zenoh's configuration for exactly these endpoints, retried for ever, and nothing found by itself.
 
     Raises zenoh.ZError where an endpoint is not of the form that Zenoh reads. `sends`: keep shared memory ready for large messages.
+    `credentials` for tls/ endpoints; `access`: Zenoh's access_control.
     """
     pool = {"enabled": sends, "pool_size": 32 << 20, "message_size_threshold": 16 << 10}
-    settings = {
+    settings: dict[str, object] = {
         # A client's open() fails, or waits for ever, while nobody is there; a peer's returns and goes on trying.
         "mode": "peer",
         "listen": {"endpoints": listen, "exit_on_failure": True},
@@ -147,6 +175,10 @@ def session_config(listen: Sequence[str], connect: Sequence[str], *, sends: bool
         "transport/unicast/max_sessions": 32,
         "transport/shared_memory": {"enabled": True, "mode": "init", "transport_optimization": pool},
     }
+    if credentials is not None:
+        settings["transport/link/tls"] = credentials.zenoh()
+    if access is not None:
+        settings["access_control"] = access
     result = zenoh.Config()
     for path, value in settings.items():
         result.insert_json5(path, json.dumps(value))
@@ -160,13 +192,25 @@ def reason(error: zenoh.ZError) -> str:
     return inner[1] if inner else text
 
 
+def _credentials(settings: config.Publish) -> Credentials | None:
+    """Those of [publish.tls], checked. Raises EchogridError."""
+    if settings.tls is None:
+        return None
+    credentials = settings.tls.credentials()
+    try:
+        credentials.check()
+    except EchogridError as error:
+        raise EchogridError(f"publish.tls: {error}") from error
+    return credentials
+
+
 def _refused(settings: config.Publish, error: zenoh.ZError) -> str:
     """One sentence about the endpoint that is to blame: each is tried alone, for Zenoh does not always say which it was."""
     for name, endpoints in (("listen", settings.listen), ("connect", settings.connect)):
         for endpoint in endpoints:
-            alone = {"listen": (), "connect": (), name: (endpoint,)}
+            alone = [(endpoint,) if name == side else () for side in ("listen", "connect")]
             try:
-                with zenoh.open(session_config(**alone, sends=False)):
+                with zenoh.open(session_config(*alone, sends=False, credentials=_credentials(settings))):
                     pass
             except zenoh.ZError as own:
                 what = reason(own)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,6 +15,9 @@ from echogrid.errors import EchogridError
 from echogrid.io.dbc import Dbc
 from echogrid.io.decode import BatchDecoder, same_layout, stack
 from echogrid.io.profile import Quantity, Valid
+
+PLACE = re.compile(r"\{[nk](:0\dd)?\}")
+GREATEST = 1e9  # SI units; what is beyond is no measurement, but floats out of garbage
 
 
 class QuantityReader:
@@ -55,8 +59,9 @@ class QuantityReader:
                     "expected all to be alike"
                 )
 
+    @np.errstate(over="ignore", invalid="ignore")  # of floats that are garbage
     def read(self, payloads: Sequence[bytes]) -> dict[str, Floats]:
-        """(N * per_frame,) SI values of each quantity, frame by frame; NaN where its own validity, or that of all, says no."""
+        """(N * per_frame,) SI values of each quantity, frame by frame; NaN where it is absurd or not valid, by its own flag or all."""
         bits = self._decoder.bits(stack(payloads, self._decoder.length))
         values = self._by_template(self._decoder.physical(bits))
         raw = self._by_template(self._decoder.integers(bits))
@@ -70,6 +75,7 @@ class QuantityReader:
                 value[~self._flagged(quantity.valid, raw)] = np.nan
             if everywhere is not None:
                 value[~everywhere] = np.nan
+            value[~(np.abs(value) < GREATEST)] = np.nan
             out[name] = value
         return out
 
@@ -88,7 +94,9 @@ class QuantityReader:
 
 def fill(template: str, key: str, dbc: Dbc, **numbers: int) -> str:
     """A name with its numbers put in."""
+    if re.search(r"[{}]", PLACE.sub("", template)):  # Python's formats could ask for the inside of objects, or for gigabytes of blanks
+        raise EchogridError(f"{dbc.profile}: {key}: '{template}' is no name with {{n}} or {{k}} in it, such as {{n:02d}}")
     try:
         return template.format(**numbers)
-    except (KeyError, IndexError, ValueError) as error:
+    except KeyError as error:
         raise EchogridError(f"{dbc.profile}: {key}: '{template}' is no name with {{n}} or {{k}} in it: {error}") from error

@@ -12,6 +12,7 @@ from cantools.database.can import Message
 from echogrid.core.health import SensorHealth
 from echogrid.core.messages import Floats, RadarScan
 from echogrid.core.scan import AssemblyRule, Cycle, CycleFrame, FrameKind, ScanAssembler
+from echogrid.io.cadence import Cadence
 from echogrid.io.dbc import Checksum, Dbc
 from echogrid.io.decode import SignalLayout
 from echogrid.io.profile import Detections, RadarProfile
@@ -41,6 +42,7 @@ class RadarReader:
         self.layout = _Layout(profile, dbc)
         self.roles = self.layout.roles(id_offset)
         self.age_payload: bytes | None = None
+        self.cadence = Cadence(self.layout.cycle.length) if self.layout.cycle is not None else None
         self.assembler = ScanAssembler(
             AssemblyRule(
                 ends_with_message=self.layout.ends_with is not None,
@@ -99,10 +101,14 @@ class RadarReader:
             values = self.layout.header_values.read([header.payload])
             ambiguity = _or(values.get("ambiguity"), ambiguity)
             blockage = _or(values.get("blockage"), blockage)
+        if header is not None and header.cycle is not None and self.cadence is not None:
+            self.cadence.add(header.cycle, header.received_ns)
         sent_ns = cycle.opened_ns if header is None else header.received_ns
         limit = self._count(header.payload) if header is not None and self.layout.counts else None
         range_, azimuth, range_rate, rcs = self._detections(cycle, limit) if frames else _NOTHING
-        return RadarScan(self.sensor, sent_ns - round(age * 1e9), received_ns, range_, azimuth, range_rate, rcs, ambiguity, blockage)
+        stamp_ns = sent_ns - round(age * 1e9)
+        lag = 0.0 if self.cadence is None else self.cadence.lag
+        return RadarScan(self.sensor, stamp_ns, received_ns, range_, azimuth, range_rate, rcs, ambiguity, blockage, lag)
 
     def _age(self, cycle: Cycle) -> float:
         """Seconds from the measurement to the header; 0 where the sensor does not report it."""

@@ -17,17 +17,51 @@ from echogrid.io.motion import MotionReader
 from echogrid.io.profile import MotionProfile, RadarProfile, find, load_motion, load_radar
 from echogrid.io.radar import FrameId, RadarReader
 
-BACK_IN_TIME_NS = 1_000_000_000  # a frame older than the newest by more is not a reordering but a fault
+STEP_NS = 1_000_000_000  # a frame that is older or newer than the newest by more is no reordering: it is a stray, or time has stepped
+BACK_FOR_NS = 1_000_000_000  # frames that go on for so long before the newest one: the clock was set back
+AHEAD_FOR = 5  # frames in a row so far after it: there was a pause, or the clock was set forward
+
+
+class TrafficTime:
+    """Remembers the newest frame's time, and a run of frames that disagree with it. One stray frame moves nothing."""
+
+    def __init__(self) -> None:
+        self.newest_ns: int | None = None
+        self.set_back = 0  # how many times
+        self._run_ns: tuple[int, int] | None = None  # first and newest of the frames that disagree
+        self._run = 0
+
+    def takes(self, received_ns: int) -> bool:
+        """Whether a frame's time is to be believed."""
+        if self.newest_ns is None or abs(received_ns - self.newest_ns) <= STEP_NS:
+            self.newest_ns = received_ns if self.newest_ns is None else max(received_ns, self.newest_ns)
+            self._run_ns = None
+            return True
+        if self._run_ns is None or abs(received_ns - self._run_ns[1]) > STEP_NS:
+            self._run_ns, self._run = (received_ns, received_ns), 0
+        self._run_ns = self._run_ns[0], max(received_ns, self._run_ns[1])
+        self._run += 1
+        back = received_ns < self.newest_ns
+        if self.waiting_ns < BACK_FOR_NS if back else self._run < AHEAD_FOR:
+            return False
+        self.set_back += back
+        self.newest_ns, self._run_ns = received_ns, None
+        return True
+
+    @property
+    def waiting_ns(self) -> int:
+        """For how long frames have come that disagree."""
+        return 0 if self._run_ns is None else self._run_ns[1] - self._run_ns[0]
 
 
 class SignalReader:
-    """Remembers the half-assembled scans and counters of all sensors, and the time of the newest frame."""
+    """Remembers the half-assembled scans and counters of all sensors, and the time of the traffic."""
 
     def __init__(self, config: Config, source: Path, health: Health) -> None:
         """`source`: the configuration's file; its relative paths begin in its folder. Raises EchogridError."""
         self.source = source
         self.health = health
-        self.newest_ns: int | None = None
+        self.time = TrafficTime()
         self.readers: dict[tuple[str, FrameId], RadarReader | MotionReader] = {}
         with _named(source, "motion"):
             path = find(config.motion.profile, source.parent)
@@ -51,6 +85,11 @@ class SignalReader:
                     f"'{taken}' and '{name}' both read id 0x{frame_id[0]:X} on bus '{bus}': give one another bus or id_offset"
                 )
 
+    @property
+    def newest_ns(self) -> int | None:
+        """The newest frame's time; None before the first."""
+        return self.time.newest_ns
+
     def ids(self, bus: str) -> list[FrameId]:
         """The ids that are read on a bus, for the kernel's filter."""
         return sorted(frame_id for name, frame_id in self.readers if name == bus)
@@ -62,10 +101,10 @@ class SignalReader:
             self.health.bad_frames += 1
             return []
         received_ns = round(message.timestamp * 1e6) * 1000  # a float of seconds since 1970 holds microseconds, not nanoseconds
-        if self.newest_ns is not None and received_ns < self.newest_ns - BACK_IN_TIME_NS:
+        if not self.time.takes(received_ns):
             self.health.bad_frames += 1
             return []
-        self.newest_ns = received_ns if self.newest_ns is None else max(received_ns, self.newest_ns)
+        self.health.clock_steps = self.time.set_back
         reader = self.readers.get((bus, (message.arbitration_id, message.is_extended_id)))
         if reader is None:
             self.health.unknown_frames += 1

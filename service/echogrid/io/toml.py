@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import re
 import tomllib
 from pathlib import Path
@@ -11,8 +12,10 @@ from typing import TypeVar
 import msgspec
 
 from echogrid.errors import EchogridError
+from echogrid.io.files import read
 
 T = TypeVar("T")
+MOST_BYTES = 1 << 20
 
 
 class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -22,17 +25,25 @@ class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 def load(path: Path, kind: type[T]) -> T:
     """The file as a `kind`. Raises EchogridError naming the file, the key, what was found and what was expected."""
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise EchogridError(f"{path}: cannot be read: {error.strerror}") from error
+        document = tomllib.loads(read(path, MOST_BYTES).decode(), parse_float=_finite)
     except UnicodeDecodeError as error:
         raise EchogridError(f"{path}: is not a text file (byte {error.start} is no UTF-8)") from error
-    except tomllib.TOMLDecodeError as error:
+    except RecursionError as error:
+        raise EchogridError(f"{path}: holds tables or arrays too deep inside each other") from error
+    except ValueError as error:  # TOMLDecodeError, and what Python says of endless numbers
         raise EchogridError(f"{path}: is not valid TOML: {error}") from error
     try:
         return msgspec.convert(document, kind)
     except msgspec.ValidationError as error:
         raise EchogridError(f"{path}: {_sentence(str(error), kind)}") from error
+
+
+def _finite(text: str) -> float:
+    """A number that can be reckoned with: nothing in our tables may be TOML's inf or nan."""
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"'{text}' is no finite number")
+    return number
 
 
 def _sentence(message: str, kind: type) -> str:

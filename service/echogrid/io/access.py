@@ -1,0 +1,25 @@
+"""Who may see a vehicle's topics: Zenoh's access control, where what is not allowed is denied."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+# Of a viewer's messages to us, and of ours to it. Nothing that could change what other viewers see is among the first.
+ASKED = ("declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query")
+GIVEN = ("put", "delete", "reply", "declare_queryable", "liveliness_token")
+
+
+def access_control(keys: Sequence[str], viewers: Sequence[str] | None) -> dict[str, object]:
+    """Zenoh's access_control: these key expressions may be read, and nothing written, by whoever shows a certificate with one of the common
+    names `viewers`; where that is None, by everyone who can connect."""
+    flows = {"ingress": ASKED, "egress": GIVEN}
+    subject = {"id": "viewers"} | ({} if viewers is None else {"cert_common_names": list(viewers)})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": [
+            {"id": flow, "permission": "allow", "flows": [flow], "messages": said, "key_exprs": list(keys)} for flow, said in flows.items()
+        ],
+        "subjects": [subject],
+        "policies": [{"rules": list(flows), "subjects": ["viewers"]}],
+    }

@@ -1,0 +1,54 @@
+"""A message's counter against its period: tells frames that were lost from time that jumped."""
+
+from __future__ import annotations
+
+NS = 1e-9
+JUMP = 0.2  # s: less is a frame that waited
+UNCOUNTED = 3  # periods that a sender may leave out without counting them
+LONGEST = 1.0  # s: after a longer silence, or jump, the sender has started anew
+GAIN = 0.05  # share of the lag that is taken for jitter and drift
+STEPS = 1000.0  # whose mean the period is
+REGULAR = 0.2  # of the period: a step that differs by more does not count for it
+
+
+class Cadence:
+    """Remembers the last number and when it came, and the period.
+
+    `lag` is by how many seconds time has run ahead of the counter: about 0, until time jumps by more than JUMP; then it stays, until
+    time jumps back. `missing` frames were lost before the last one, by their counters.
+    """
+
+    def __init__(self, bits: int) -> None:
+        self.size = 1 << bits  # numbers that the counter has
+        self.lag = 0.0
+        self.missing = 0
+        self._period = 0.0  # s; 0 before it is known
+        self._steps = 1.0
+        self._last: tuple[int, int] | None = None  # number, ns
+
+    def add(self, number: int, received_ns: int) -> None:
+        last, self._last = self._last, (number, received_ns)
+        if last is None:
+            return
+        counted = (number - last[0]) % self.size
+        self.missing = max(counted - 1, 0)
+        elapsed = (received_ns - last[1]) * NS
+        if counted == 0 or not 0.0 <= elapsed < LONGEST:
+            self.lag = 0.0
+            return
+        if self._period == 0.0:
+            self._period = elapsed / counted
+            return
+        rounds, off = divmod(round(elapsed / self._period) - counted + 1, self.size)
+        if off <= 2:  # the counter went round while frames were lost
+            counted += rounds * self.size
+        skipped = round(elapsed / self._period) - counted
+        if 0 < skipped <= UNCOUNTED:
+            counted += skipped
+        lag = self.lag + elapsed - counted * self._period
+        if abs(lag) < JUMP:
+            lag -= lag * GAIN
+            if abs(elapsed / counted - self._period) < REGULAR * self._period or self._steps < 3:
+                self._steps = min(self._steps + 1.0, STEPS)
+                self._period += (elapsed / counted - self._period) / self._steps
+        self.lag = lag if abs(lag) < LONGEST else 0.0

@@ -1,0 +1,74 @@
+"""A session's TLS files, which must fit each other before Zenoh relies on them."""
+
+from __future__ import annotations
+
+import ssl
+from dataclasses import dataclass
+from pathlib import Path
+
+from echogrid.errors import EchogridError
+
+
+@dataclass(frozen=True, slots=True)
+class Credentials:
+    """PEM files: the certificate of the authority that both ends trust, our own certificate signed by it, and its private key."""
+
+    ca: Path
+    certificate: Path
+    key: Path
+
+    def check(self) -> None:
+        """Raises EchogridError where a file cannot be read, the key is another's, or the authority does not vouch for us now."""
+        for path in (self.ca, self.certificate, self.key):
+            try:
+                path.read_bytes()
+            except OSError as error:
+                raise EchogridError(f"{path}: cannot be read: {error.strerror}") from error
+        ends = [self._context(ssl.PROTOCOL_TLS_SERVER), self._context(ssl.PROTOCOL_TLS_CLIENT)]
+        try:
+            _handshake(*ends)
+        except ssl.SSLCertVerificationError as error:
+            raise EchogridError(f"{self.certificate}: is not accepted by {self.ca}: {error.verify_message}") from error
+        except ssl.SSLError as error:
+            raise EchogridError(f"{self.certificate}: is of no use for TLS: {error.reason}") from error
+
+    def zenoh(self) -> dict[str, object]:
+        """Zenoh's transport/link/tls: both ends show a certificate, in either direction."""
+        return {
+            "root_ca_certificate": str(self.ca),
+            "enable_mtls": True,
+            "verify_name_on_connect": True,
+            "close_link_on_expiration": True,
+            **{f"{way}_{what}": str(path) for way in ("listen", "connect") for what, path in self._own().items()},
+        }
+
+    def _own(self) -> dict[str, Path]:
+        return {"certificate": self.certificate, "private_key": self.key}
+
+    def _context(self, protocol: int) -> ssl.SSLContext:
+        context = ssl.SSLContext(protocol)
+        context.check_hostname = False
+        context.verify_mode = ssl.CERT_REQUIRED
+        try:
+            context.load_verify_locations(self.ca)
+        except ssl.SSLError as error:
+            raise EchogridError(f"{self.ca}: holds no certificate in PEM form") from error
+        try:
+            context.load_cert_chain(self.certificate, self.key, password="")  # without a word it would ask the terminal for one
+        except (ssl.SSLError, ValueError) as error:
+            raise EchogridError(f"{self.key}: is no unencrypted PEM key of the certificate {self.certificate}") from error
+        return context
+
+
+def _handshake(server: ssl.SSLContext, client: ssl.SSLContext) -> None:
+    """Both ends in memory: the same verdict on chain, dates and purpose as on a network. Raises ssl.SSLError."""
+    up, down = ssl.MemoryBIO(), ssl.MemoryBIO()
+    ends = [client.wrap_bio(down, up), server.wrap_bio(up, down, server_side=True)]
+    waiting = True
+    while waiting:
+        waiting = False
+        for end in ends:
+            try:
+                end.do_handshake()
+            except ssl.SSLWantReadError:
+                waiting = True

@@ -1,0 +1,227 @@
+"""What takes bytes that others wrote. A target returns or fails: whatever an input may do rightly, it has caught.
+
+Each is a function of the input's bytes, which it puts where the service finds such: into a file in a folder of its own, or on a bus.
+"""
+
+from __future__ import annotations
+
+import functools
+import struct
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import can
+
+from echogrid.client import _json
+from echogrid.config import load_config
+from echogrid.core.health import Health, SensorHealth
+from echogrid.core.raster import GridSpec
+from echogrid.errors import EchogridError
+from echogrid.io import cdr, radar, signals
+from echogrid.io.dbc import Dbc
+from echogrid.io.drive import load_truth
+from echogrid.io.log import Log
+from echogrid.io.model import OnnxSensorModel
+from echogrid.io.motion import MotionReader
+from echogrid.io.profile import load_motion, load_radar, shipped
+from echogrid.io.radar import RadarReader
+from echogrid.io.signals import SignalReader, bus_of
+from echogrid.pipeline import Pipeline
+from tests import frames, networks
+
+_TEMPORARY = tempfile.TemporaryDirectory(prefix="echogrid-fuzz-")
+FOLDER = Path(_TEMPORARY.name)
+LONGEST = 1 << 20  # messages that a small log may unpack to
+
+Target = Callable[[bytes], None]
+
+
+def _written(name: str, data: bytes) -> Path:
+    path = FOLDER / name
+    path.write_bytes(data)
+    return path
+
+
+def _without_checksums(name: str) -> str:
+    """A shipped profile, less its checksums: no fuzzer guesses one, so that nothing behind it would ever be reached."""
+    text = (shipped() / f"{name}.toml").read_text().replace(f'"{name}.dbc"', f'"{shipped() / f"{name}.dbc"}"')
+    kept = [line for line in text.split("\n[crc]")[0].splitlines() if not line.startswith("crc =")]
+    return "\n".join(kept) + "\n"
+
+
+def _bus() -> Path:
+    """A configuration with a radar of every shipped kind and the car's motion on one bus."""
+    radars = ""
+    for index, name in enumerate(("corner_radar", "corner_radar_classic", "srr520", "ars408")):
+        _written(f"{name}.toml", _without_checksums(name).encode())
+        radars += (
+            f'[[radar]]\nname = "{name}"\nbus = "can0"\nprofile = "{name}.toml"\nid_offset = {index << 12}\nx = 3.6\ny = 0\nyaw_deg = 0\n'
+        )
+    _written("vehicle_motion.toml", _without_checksums("vehicle_motion").encode())
+    head = frames.CONFIG.split("[[radar]]")[0].replace('bus = "can0"', 'bus = "can0"\nprofile = "vehicle_motion.toml"')
+    return _written("bus.toml", (head + radars + "[grid]\ncells = 32\n").encode())
+
+
+# Parsing takes far longer than all the rest, and none of these remembers anything.
+signals.Dbc, signals.load_radar, radar._Layout = map(functools.lru_cache(16), (signals.Dbc, signals.load_radar, radar._Layout))
+PATH = _bus()
+CONFIG = load_config(PATH)
+IDS = SignalReader(CONFIG, PATH, Health()).ids("can0")
+
+
+def log(suffix: str) -> Target:
+    """A recording of one format, through python-can's reader and the decoding of signals."""
+
+    def run(data: bytes) -> None:
+        reader = SignalReader(CONFIG, PATH, Health())
+        with suppress(EchogridError):
+            for number, message in enumerate(Log(_written(f"a{suffix}", data))):
+                reader.add(bus_of(message, CONFIG.bus) or "", message)
+                assert number < LONGEST, "a log without an end"
+
+    return run
+
+
+def frames_on_the_bus(data: bytes) -> None:
+    """Frames of the ids that are read, as [id, milliseconds since the last, length, payload] over and over, into a map."""
+    pipeline = Pipeline(CONFIG, PATH)
+    for message in _frames(data):
+        pipeline.add("can0", message)
+    pipeline.mapper.end_cycle()
+
+
+def _frames(data: bytes) -> Iterator[can.Message]:
+    at, time = 0, 1000.0
+    while at + 3 <= len(data):
+        which, wait, length = data[at : at + 3]
+        identifier, extended = IDS[which % len(IDS)]
+        time += wait * 1e-3
+        payload = data[at + 3 : at + 3 + length % 65]
+        yield can.Message(arbitration_id=identifier, is_extended_id=extended, data=payload, timestamp=time, is_fd=True)
+        at += 3 + length % 65
+
+
+def config(data: bytes) -> None:
+    """A configuration with all that it names, but for the model."""
+    with suppress(EchogridError):
+        path = _written("c.toml", data)
+        Pipeline(load_config(path, "analytic"), path)
+
+
+def dbc(data: bytes) -> None:
+    """A DBC file under the shipped profiles, and the frames that it describes."""
+    path = _written("d.dbc", data)
+    for name in ("ars408", "corner_radar"):
+        profile = FOLDER / f"{name}.toml"
+        with suppress(EchogridError):
+            _hear(RadarReader("radar", load_radar(profile), Dbc(path, profile), 0, SensorHealth()))
+    profile = FOLDER / "vehicle_motion.toml"
+    with suppress(EchogridError):
+        _hear(MotionReader(load_motion(profile), Dbc(path, profile), None, Health()))
+
+
+def profile(data: bytes) -> None:
+    """A profile for the shipped DBC files, and frames for what it asks for."""
+    path = _written("p.toml", data)
+    for name in ("ars408", "corner_radar"):
+        with suppress(EchogridError):
+            _hear(RadarReader("radar", load_radar(path), _dbc(name, path), 0, SensorHealth()))
+    with suppress(EchogridError):
+        _hear(MotionReader(load_motion(path), _dbc("vehicle_motion", path), None, Health()))
+
+
+def _dbc(name: str, path: Path) -> Dbc:
+    return signals.Dbc(shipped() / f"{name}.dbc", path)
+
+
+def _hear(reader: RadarReader | MotionReader) -> None:
+    for fill in (b"\0", b"\xff", b"\x55"):
+        for number, (identifier, extended) in enumerate(sorted(reader.ids)):
+            message = can.Message(arbitration_id=identifier, is_extended_id=extended, data=fill * 64, is_fd=True)
+            with suppress(ValueError):  # a frame that is unsound
+                reader.add(message, number * 1_000_000)
+
+
+def model(data: bytes) -> None:
+    """An ONNX file."""
+    with suppress(EchogridError):
+        OnnxSensorModel(_written("m.onnx", data), GridSpec(cells=16, cell=0.5), {})
+
+
+SOUND = networks.write(FOLDER / "sound.onnx", networks.paper()[0], None).read_bytes()
+
+
+def contract(data: bytes) -> None:
+    """The contract of an ONNX file that is otherwise sound: protobuf's fields may be appended, metadata_props is the 14th."""
+    entry = b"\x0a\x08echogrid\x12" + _varint(len(data)) + data
+    model(SOUND + b"\x72" + _varint(len(entry)) + entry)
+
+
+def _varint(number: int) -> bytes:
+    out = b""
+    while number > 0x7F:
+        out += bytes([number & 0x7F | 0x80])
+        number >>= 7
+    return out + bytes([number])
+
+
+def truth(data: bytes) -> None:
+    """A drive's true poses, as an .npz file."""
+    with suppress(EchogridError):
+        load_truth(_written("truth.npz", data))
+
+
+def wire(data: bytes) -> None:
+    """What comes over Zenoh; what is taken goes back to the same bytes or at least to the same meaning."""
+    with suppress(ValueError):
+        grid = cdr.decode_grid(data)
+        back = cdr.decode_grid(cdr.encode_grid(grid))
+        assert (back.stamp_ns, back.frame, back.origin) == (grid.stamp_ns, grid.frame, grid.origin)
+        assert (back.occupancy == grid.occupancy).all()
+    with suppress(ValueError):
+        odometry = cdr.decode_odometry(data)
+        assert cdr.decode_odometry(cdr.encode_odometry(odometry)).stamp_ns == odometry.stamp_ns
+    with suppress(ValueError):
+        cdr.decode_diagnostics(data)
+    with suppress(ValueError):
+        cdr.decode_attachment(data)
+    with suppress(ValueError):
+        _json(data)
+
+
+TARGETS: dict[str, Target] = {
+    "log": log(".log"),
+    "log_gz": log(".log.gz"),
+    "asc": log(".asc"),
+    "csv": log(".csv"),
+    "trc": log(".trc"),
+    "blf": log(".blf"),
+    "db": log(".db"),
+    "frames": frames_on_the_bus,
+    "config": config,
+    "dbc": dbc,
+    "profile": profile,
+    "model": model,
+    "contract": contract,
+    "truth": truth,
+    "wire": wire,
+}
+CORPUS = Path(__file__).parent / "corpus"
+
+
+def corpus(name: str) -> list[Path]:
+    """The inputs that are kept for a target: seeds, and what once made it fail."""
+    return sorted((CORPUS / name).iterdir())
+
+
+def any_of_them(data: bytes) -> None:
+    """All targets as one: the first byte chooses."""
+    if data:
+        list(TARGETS.values())[data[0] % len(TARGETS)](data[1:])
+
+
+def everything() -> list[bytes]:
+    """The whole corpus as inputs of `any_of_them`."""
+    return [struct.pack("B", number) + path.read_bytes() for number, name in enumerate(TARGETS) for path in corpus(name)]
