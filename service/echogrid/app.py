@@ -88,10 +88,10 @@ class Service:
                 self._map()
             finally:
                 self.notifier.stopping()
-                self._keep_last()
                 self.stop.set()
                 for worker in workers:
                     worker.join()
+                self._keep_last()
         if self.failure is not None:
             raise self.failure
 
@@ -166,6 +166,7 @@ class Service:
         last = self.pipeline.mapper.odometry.states
         if self.keeper.path is not None and last:
             self.keeper.take(*self.pipeline.mapper.map.around(last[-1].odom_from_base, KEPT_CELLS))
+            self.keeper.run(self.stop)
 
     def _receive(self, bus: LiveBus) -> None:
         try:

@@ -18,6 +18,7 @@ from echogrid.core.messages import RadarScan
 from echogrid.core.occupancy import OccupancyMap
 from echogrid.core.raster import Image, rasterize
 from echogrid.core.tiled_map import TiledMap
+from echogrid.core.watch import State
 from echogrid.errors import EchogridError
 from echogrid.io.signals import SignalReader
 
@@ -53,6 +54,13 @@ class Pipeline:
             return None
         return self.mapper.update(self.signals.newest_ns)
 
+    def state(self, silence_ns: int) -> State:
+        """Of the map, `silence_ns` after the newest frame was taken in."""
+        newest_ns = self.signals.newest_ns
+        if newest_ns is None:
+            return State("stale", ("no map yet: no frame so far",))
+        return self.mapper.watch.state(newest_ns + silence_ns + self.signals.time.waiting_ns)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorModel:
@@ -87,7 +95,8 @@ def _network(config: Config, source: Path) -> SensorModel:
 
     spec = config.grid.spec()
     mounts = {radar.name: radar.mount() for radar in config.radar}
-    choice = choose(config.model if config.model in SHIPPED else str(source.parent / config.model), spec, mounts)
+    name = config.model if config.model in SHIPPED else str(source.parent / config.model)
+    choice = choose(name, spec, mounts, config.model_sha256)
     network, geometry = choice.model, _geometry(config)
     if (config.map.fusion or network.contract.fusion) == "sum":
 

@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass, field
 
 @dataclass(slots=True)
 class SensorHealth:
-    """One radar's counters since the start. Scans are `complete`, `incomplete` or `late`; the rest are frames or detections."""
+    """One radar's counters since the start. Scans are `complete` (some of them `distrusted`), `incomplete` or `late`; the rest are
+    frames or detections."""
 
     complete: int = 0
     incomplete: int = 0  # a frame was missing when the next cycle began, or the time-out passed
@@ -16,6 +17,7 @@ class SensorHealth:
     wrong_cycle: int = 0  # detection frames that belong to no open cycle
     bad_crc: int = 0  # cycles, or single frames where each has its own, whose checksum is wrong
     invalid: int = 0  # detections flagged invalid by the sensor, or with a value that is no number
+    distrusted: int = 0  # complete scans that were left out of the map, since the radar could not be believed
     truncated: int = 0  # detections beyond `max_detections`, the farthest first
 
     def as_dict(self) -> dict[str, int]:
@@ -32,6 +34,8 @@ class Health:
     bad_frames: int = 0  # too short, remote or error frames, wrong checksum, repeated counter, no number, back in time
     lost_frames: int = 0  # by the counters of motion messages: how many are missing
     motion_dropped: int = 0  # ego motion not newer than the last one
+    motion_implausible: int = 0  # ego motion that no car can show
+    clock_steps: int = 0  # times that the traffic's clock was set back
     cycles: int = 0
     scans_without_pose: int = 0  # before the first ego motion, or while it was lost
     detections: int = 0

@@ -10,11 +10,16 @@ import numpy as np
 from echogrid.core.health import Health
 from echogrid.core.history import Detections, History, Looks, Surroundings
 from echogrid.core.messages import EgoMotion, Floats, RadarScan
+from echogrid.core.motion_watch import Verdict
 from echogrid.core.mount import Mount
 from echogrid.core.odometry import EgoState, Odometry
+from echogrid.core.placed_scan import PlacedScan
 from echogrid.core.raster import Image
 from echogrid.core.static_gate import GateNoise, beside_movers, deviation
 from echogrid.core.tiled_map import TiledMap
+from echogrid.core.watch import Watch
+
+BACK_NS = 1_000_000_000  # frames of several buses come out of order by less
 
 Infer = Callable[[Surroundings], Image]  # what one update says about the cells around the car, as the map's `integrate` takes it
 
@@ -28,10 +33,11 @@ class MapUpdate:
 
 
 class Mapper:
-    """Remembers the poses, the scans of the running cycle and the map.
+    """Remembers the poses, the scans of the running cycle, whom to believe, and the map.
 
     Time comes with the data: `update(now_ns)` ends the cycle when the receive time of the traffic passes the next multiple of
-    `cycle_ns`. Every complete scan goes into exactly one cycle.
+    `cycle_ns`. Every complete scan goes into exactly one cycle. Where the way of the car is lost, map, history and poses begin anew;
+    `epoch` counts how often.
     """
 
     def __init__(
@@ -51,14 +57,25 @@ class Mapper:
         self.noise = noise
         self.cycle_ns = cycle_ns
         self.max_age_ns = max_age_ns
+        self.watch = Watch(mounts, health.sensors, noise)
         self.odometry = Odometry()
         self.history = History()
         self.pending: list[RadarScan] = []
         self.newest_ns: dict[str, int] = {}  # stamp of each sensor's newest scan
         self.cycle_end_ns: int | None = None
+        self.epoch = 0  # maps begun before this one
 
     def on_motion(self, motion: EgoMotion) -> None:
-        if not self.odometry.add(motion):
+        """A sample that cannot be true is left out; one that does not continue those before begins a new map."""
+        verdict = self.watch.motion.judge(motion)
+        if verdict in (Verdict.GAP, Verdict.BACK, Verdict.JUMP):
+            self._begin_anew(f"ego motion: {verdict.value}")
+            verdict = self.watch.motion.judge(motion)
+        if verdict is Verdict.GOOD:
+            self.odometry.add(motion)
+        elif verdict is Verdict.IMPLAUSIBLE:
+            self.health.motion_implausible += 1
+        else:
             self.health.motion_dropped += 1
 
     def on_scan(self, scan: RadarScan) -> None:
@@ -69,23 +86,26 @@ class Mapper:
             return
         self.newest_ns[scan.sensor] = scan.stamp_ns
         sensor.complete += 1
+        self.watch.radars[scan.sensor].hear(scan)
         self.health.detections += len(scan)
         self.pending.append(scan)
 
     def update(self, now_ns: int) -> MapUpdate | None:
         """Ends the cycle if its time is up; the map's next state, or None where there was nothing to add."""
         if self.cycle_end_ns is not None and now_ns < self.cycle_end_ns:
-            return None
+            if now_ns >= self.cycle_end_ns - self.cycle_ns - BACK_NS:
+                return None
+            self._begin_anew("the clock was set back")
         self.cycle_end_ns = now_ns // self.cycle_ns * self.cycle_ns + self.cycle_ns
         return self.end_cycle()
 
     def end_cycle(self) -> MapUpdate | None:
-        """Predict, gate, remember, infer, integrate: what the pending scans say goes into the map, if it takes an update from here."""
-        placed = self._place(self.pending)
+        """Predict, doubt, gate, remember, infer, integrate: what the pending scans say goes into the map, if it takes one from here."""
+        placed = self._believed(self._place(self.pending))
         self.pending = []
         if not placed:
             return None
-        ego = max((ego for _, ego in placed), key=lambda ego: ego.stamp_ns)
+        ego = max((one.ego for one in placed), key=lambda ego: ego.stamp_ns)
         found = self._detections(placed, ego)
         standing = found.deviation <= self.noise.sigmas
         static = found.chosen(standing & ~beside_movers(found.points, ~standing, self.noise))
@@ -95,37 +115,71 @@ class Mapper:
             self.history.add(static, self._looks(placed, ego), ego.odom_from_base, self.odometry.distance)
             self.map.integrate(self.infer(self.history.surroundings(ego.odom_from_base, self._live(ego.stamp_ns))), ego.odom_from_base)
             self.health.tiles_forgotten = self.map.forgotten
+        self.watch.mapped_ns = max(one.scan.received_ns for one in placed)
         return MapUpdate(ego, static.points)
 
-    def _place(self, scans: list[RadarScan]) -> list[tuple[RadarScan, EgoState]]:
+    def _begin_anew(self, why: str) -> None:
+        """Another map: where the car is in the old one is not known any more."""
+        self.map.clear()
+        self.history = History()
+        self.odometry.restart()
+        self.pending = []
+        self.newest_ns.clear()
+        self.cycle_end_ns = None
+        self.watch.restart(why)
+        self.epoch += 1
+
+    def _place(self, scans: list[RadarScan]) -> list[PlacedScan]:
         """The scans with where the car was when each was measured; those without are counted."""
-        states = [(scan, self.odometry.at(scan.stamp_ns)) for scan in scans]
-        placed = [(scan, ego) for scan, ego in states if ego is not None]
+        placed = []
+        for scan in scans:
+            ego = self.odometry.at(scan.stamp_ns)
+            if ego is None:
+                continue
+            mount = self.mounts[scan.sensor]
+            near = scan.within(mount.max_range)
+            sigmas = deviation(near.azimuth, near.range_rate, near.ambiguity, mount, ego.speed, ego.yaw_rate, self.noise)
+            placed.append(PlacedScan(near, mount, ego, sigmas))
         self.health.scans_without_pose += len(scans) - len(placed)
         return placed
 
-    def _detections(self, placed: list[tuple[RadarScan, EgoState]], now: EgoState) -> Detections:
-        """All detections within their radars' range, moving ones too, in base at `now`.
+    def _believed(self, placed: list[PlacedScan]) -> list[PlacedScan]:
+        """Those of radars that can be believed; none while ego motion cannot be, and what comes after that is a new map's."""
+        if not placed:
+            return []
+        disputed = self.watch.motion.disputed
+        self.watch.judge(placed)
+        if self.watch.motion.disputed is not None:
+            self.health.scans_without_pose += len(placed)
+            return []
+        if disputed is not None:
+            self._begin_anew(f"ego motion could not be believed ({disputed})")
+            return []
+        believed = []
+        for one in placed:
+            if self.watch.radars[one.scan.sensor].doubts:
+                self.health.sensors[one.scan.sensor].distrusted += 1
+            else:
+                believed.append(one)
+        return believed
 
-        Each is carried to `now` from where the car was when it was measured.
-        """
+    def _detections(self, placed: list[PlacedScan], now: EgoState) -> Detections:
+        """All their detections, moving ones too, in base at `now`: each carried there from where the car was when it was measured."""
         parts = []
-        for scan, then in placed:
-            mount = self.mounts[scan.sensor]
-            near = scan.range <= mount.max_range
-            range_, azimuth, range_rate = scan.range[near], scan.azimuth[near], scan.range_rate[near]
+        for one in placed:
+            range_, azimuth = one.scan.range, one.scan.azimuth
             in_sensor = np.stack((range_ * np.cos(azimuth), range_ * np.sin(azimuth)), axis=1)
-            now_from_sensor = now.odom_from_base.inverse() @ then.odom_from_base @ mount.base_from_sensor
+            now_from_sensor = now.odom_from_base.inverse() @ one.ego.odom_from_base @ one.mount.base_from_sensor
             origins = np.broadcast_to((now_from_sensor.x, now_from_sensor.y), in_sensor.shape)
-            sigmas = deviation(azimuth, range_rate, scan.ambiguity, mount, then.speed, then.yaw_rate, self.noise)
-            parts.append(Detections(now_from_sensor.apply(in_sensor), origins, scan.rcs[near], sigmas))
+            parts.append(Detections(now_from_sensor.apply(in_sensor), origins, one.scan.rcs, one.deviation))
         return Detections.joined(parts)
 
-    def _looks(self, placed: list[tuple[RadarScan, EgoState]], now: EgoState) -> Looks:
+    def _looks(self, placed: list[PlacedScan], now: EgoState) -> Looks:
         """From where the scans were measured, in base at `now`."""
         base_from_odom = now.odom_from_base.inverse()
-        return Looks.of([self.mounts[scan.sensor] for scan, _ in placed], [base_from_odom @ then.odom_from_base for _, then in placed])
+        return Looks.of([one.mount for one in placed], [base_from_odom @ one.ego.odom_from_base for one in placed])
 
     def _live(self, now_ns: int) -> list[str]:
-        """Radars with a scan that is not older than `max_age_ns`."""
-        return [name for name, stamp_ns in self.newest_ns.items() if now_ns - stamp_ns <= self.max_age_ns]
+        """Radars that can be believed, with a scan that is not older than `max_age_ns`."""
+        live = [name for name, stamp_ns in self.newest_ns.items() if now_ns - stamp_ns <= self.max_age_ns]
+        return [name for name in live if not self.watch.radars[name].doubts]

@@ -6,7 +6,7 @@ Axes: x forward, y left, yaw and azimuth counter-clockwise positive (ISO 8855, R
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +27,15 @@ class RadarScan:
     rcs: Floats  # (N,) dBsm; NaN where the sensor reports none
     ambiguity: float = 0.0  # m/s: range rates are known modulo this; 0 where unambiguous
     blockage: float = 0.0  # 0 clear … 1 blind
+    lag: float = 0.0  # s by which its cycles come later than their counter says; 0 where they have none
 
     def __len__(self) -> int:
         return len(self.range)
+
+    def within(self, max_range: float) -> RadarScan:
+        """The scan with the detections up to this range (m) alone."""
+        near = self.range <= max_range
+        return replace(self, range=self.range[near], azimuth=self.azimuth[near], range_rate=self.range_rate[near], rcs=self.rcs[near])
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +44,7 @@ class Speed:
 
     stamp_ns: int
     speed: float  # m/s
+    continues: bool = True  # False: by the sender's counter, time has jumped since the last sample
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +53,7 @@ class YawRate:
 
     stamp_ns: int
     yaw_rate: float  # rad/s
+    continues: bool = True
 
 
 EgoMotion = Speed | YawRate

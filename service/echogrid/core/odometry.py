@@ -32,13 +32,15 @@ class Odometry:
 
     Each sample ends an arc on which speed and yaw rate have the mean of their values at its ends. While the wheels stand, yaw is frozen
     and the yaw rate's bias is learnt. Before both were seen once there is
-    no pose. A silence longer than `max_gap` is not bridged: the pose stays where it was, and `gaps` counts it.
+    no pose. A value of one kind is held for `max_hold` after its last sample, then there is no pose until it is back. A silence longer than
+    `max_gap` is not bridged: the pose stays where it was, and `gaps` counts it.
     """
 
-    def __init__(self, history: float = 2.0, max_gap: float = 0.5, max_extrapolation: float = 0.1) -> None:
+    def __init__(self, history: float = 2.0, max_gap: float = 0.5, max_extrapolation: float = 0.1, max_hold: float = 0.2) -> None:
         self.history_ns = round(history / NS)
         self.max_gap_ns = round(max_gap / NS)
         self.max_extrapolation_ns = round(max_extrapolation / NS)
+        self.max_hold_ns = round(max_hold / NS)
         self.speed: Speed | None = None
         self.yaw_rate: YawRate | None = None
         self.states: list[EgoState] = []
@@ -60,9 +62,17 @@ class Odometry:
             self.yaw_rate = motion
             standing = self.speed is not None and abs(self.speed.speed) < STANDSTILL
             self.yaw_bias.add(motion.stamp_ns, motion.yaw_rate, standing=standing)
-        if self.speed is not None and self.yaw_rate is not None:
+        if self.speed is None or self.yaw_rate is None:
+            return True
+        if abs(self.speed.stamp_ns - self.yaw_rate.stamp_ns) <= self.max_hold_ns:
             self._move(motion.stamp_ns, self.speed.speed, self.yaw_rate.yaw_rate - self.yaw_bias.bias)
         return True
+
+    def restart(self) -> None:
+        """There is no pose until speed and yaw rate are known again, and then it is the identity. The yaw rate's bias stays."""
+        self.speed = self.yaw_rate = None
+        self.states = []
+        self.yaw_bias.restart()
 
     def at(self, stamp_ns: int) -> EgoState | None:
         """The state at a time: on the arc between two samples, or a little past the newest. None outside."""

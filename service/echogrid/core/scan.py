@@ -67,7 +67,7 @@ class ScanAssembler:
 
     def add(self, frame: CycleFrame) -> Cycle | None:
         """The complete cycle that this frame ends, or None."""
-        if self.open is not None and frame.received_ns - self.open.opened_ns > self.rule.timeout_ns:
+        if self.open is not None and abs(frame.received_ns - self.open.opened_ns) > self.rule.timeout_ns:  # abs: a clock may be set back
             self._give_up()
         if frame.kind is FrameKind.HEADER and not self._take_header(frame):
             return None

@@ -44,6 +44,10 @@ class TiledMap(ABC):
     def read(self, layers: Layers) -> LogOdds:
         """(layers, H, W) -> (H, W) log-odds of occupancy; 0 means not known, and no known cell has exactly 0."""
 
+    def clear(self) -> None:
+        """Begins anew: nothing is known. `forgotten` goes on counting."""
+        self.tiles.clear()
+
     def window(self, row: int, column: int, height: int, width: int) -> LogOdds:
         """Log-odds (height, width) of the cells from (row, column) on; 0 where nothing is known."""
         return self.read(self.window_of_layers(row, column, height, width))

@@ -21,8 +21,7 @@ class YawBias:
     def add(self, stamp_ns: int, yaw_rate: float, *, standing: bool) -> None:
         """One sample of the sensor, and whether the wheels stand."""
         if not standing or abs(yaw_rate) > PLAUSIBLE:
-            self._standing_since_ns = None
-            self._pending.clear()
+            self.restart()
             return
         if self._standing_since_ns is None:
             self._standing_since_ns = stamp_ns
@@ -31,3 +30,8 @@ class YawBias:
         while self._pending and stamp_ns - self._pending[0][0] >= SETTLING_NS:
             self._samples = min(self._samples + 1, MOST)
             self.bias += (self._pending.popleft()[1] - self.bias) / self._samples
+
+    def restart(self) -> None:
+        """The samples that follow do not continue those before; the bias stays."""
+        self._standing_since_ns = None
+        self._pending.clear()
