@@ -129,7 +129,7 @@ def test_on_sighup_it_takes_over_what_can_change_and_refuses_the_rest(config: tu
             for text in (before + "rate_hz = 5.0\n", before.replace('channel = "can0"', 'channel = "can1"'), "vehicle = 3"):
                 path.write_text(text)
                 os.kill(service.pid, signal.SIGHUP)
-                while not said or "read again" not in said[-1] and "not reloaded" not in said[-1]:
+                while not said or ("read again" not in said[-1] and "not reloaded" not in said[-1]):
                     said.append(service.stderr.readline())
                 said.append("")
             assert client.status(timeout=5.0) is not None

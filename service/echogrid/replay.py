@@ -28,10 +28,11 @@ TRAJECTORY_STEP_NS = 20_000_000
 
 @dataclass(slots=True)
 class Recorder:
-    """Remembers what a summary needs: the trajectory, the times of the cycles, the span of the log."""
+    """Remembers what a summary needs: the trajectory in the newest map, the times of the cycles, the span of the log."""
 
     pipeline: Pipeline
     trajectory: list[EgoState] = field(default_factory=list)
+    epoch: int = 0  # of the trajectory's map
     cycle_s: list[float] = field(default_factory=list)
     first_s: float | None = None
     last_s: float = 0.0
@@ -46,6 +47,9 @@ class Recorder:
         self.first_s = message.timestamp if self.first_s is None else self.first_s
         self.last_s = max(self.last_s, message.timestamp)
         states = self.pipeline.mapper.odometry.states
+        if self.pipeline.mapper.epoch != self.epoch:
+            self.epoch = self.pipeline.mapper.epoch
+            self.trajectory.clear()
         if states and (not self.trajectory or states[-1].stamp_ns - self.trajectory[-1].stamp_ns >= TRAJECTORY_STEP_NS):
             self.trajectory.append(states[-1])
         return update
@@ -62,8 +66,12 @@ class Recorder:
     def _summary(self, digest: str, truth: Truth | None) -> dict[str, Any]:
         health = self.pipeline.health
         cycle_ms = np.array(self.cycle_s or [0.0]) * 1e3
+        state = self.pipeline.state(0)
         summary: dict[str, Any] = {
             "model": self.pipeline.model.why,
+            "state": state.name,
+            "reasons": state.reasons,
+            "epoch": self.epoch,
             "drive_s": round(self.last_s - (self.first_s or 0.0), 3),
             "wall_s": round(time.perf_counter() - self.started, 3),
             "frames": health.frames,

@@ -38,7 +38,9 @@ def chart(x: Sequence[float], label: str, curves: Sequence[Curve]) -> str:
 
 def _panel(x: Sequence[float], curve: Curve, top: float) -> list[str]:
     low = min(curve.values) if curve.lowest is None else curve.lowest
-    high = max(*curve.values, low + 1e-9) * 1.05
+    high = max(curve.values) * 1.05
+    if high <= low:
+        high = low + 1.0
     span = max(x[-1] - x[0], 1e-9)
     inner = HEIGHT - 14
     points = " ".join(

@@ -13,7 +13,7 @@ from tests.faults.faults import FAULTS, Fault
 
 PAGE = Path(__file__).parents[2] / "docs" / "reliability.md"
 BEGIN, END = "<!-- faults -->", "<!-- end of faults -->"
-FIRST, SECONDS, WARM, CELLS = 10.0, 16.0, 6.0, 128  # of the demo, s; the fault comes between WARM and WARM + 1 and is over after 4 s
+FIRST, SECONDS, WARM, CELLS = 10.0, 16.0, 6.0, 64  # of the demo, s; the fault comes between WARM and WARM + 1 and is over after 4 s
 SEEDS = range(3)
 
 

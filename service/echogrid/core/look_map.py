@@ -19,7 +19,7 @@ from echogrid.core.tiled_map import Layers, LogOdds, TiledMap, resample
 STEP, TURN = 0.5, math.radians(3.0)  # m and rad of ego motion after which a new look begins
 UPDATES = 4  # of a look that count; a standing car learns nothing new
 MOST_LOOKS = 20.0  # the mean forgets what is older
-DOUBT, TRUST = 0.7, 0.5  # a measured hit is worth log-odds of at least -DOUBT, rising to TRUST as geometry nears its clamp
+DOUBT = 0.7  # a measured hit is worth log-odds of at least -DOUBT, rising to 0 as geometry nears its clamp
 KNOWN = 0.5  # how much of its looks a network must hold a cell for observable before it is told of
 
 
@@ -81,7 +81,7 @@ class LookMap(TiledMap):
         known = (weight >= KNOWN * looks) & (looks > 0) | (geometric != 0)
         mean = total / np.maximum(weight, np.float32(1e-6))
         log_odds = np.float32(self.calibration.learned) * mean + np.float32(self.calibration.offset)
-        doubted = np.float32(-DOUBT) + np.float32((DOUBT + TRUST) / self.clamp) * geometric
+        doubted = np.float32(-DOUBT) * (1 - geometric / np.float32(self.clamp))
         log_odds = np.where((geometric > 0) & (log_odds < doubted), doubted, log_odds)
         log_odds[log_odds == 0] = np.finfo(np.float32).tiny
         return np.where(known, log_odds, np.float32(0))
