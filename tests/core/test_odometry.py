@@ -124,3 +124,25 @@ def test_the_buffer_is_bounded() -> None:
     assert len(odometry.states) <= 2 * 200 + 2
     newest_ns = odometry.states[-1].stamp_ns
     assert odometry.at(newest_ns - 999 * MS) is not None
+
+
+def test_a_kind_that_falls_silent_is_held_for_a_moment_only() -> None:
+    """A yaw rate without a speed must not drive on."""
+    odometry = Odometry(max_hold=0.2)
+    last_ns = _drive(odometry, 1.0, 5.0, 0.0)
+    for step in range(1, 101):
+        odometry.add(YawRate(last_ns + step * 10 * MS, 0.0))
+    assert odometry.states[-1].odom_from_base.x == pytest.approx(5.0 * 1.2, abs=0.1)
+    assert odometry.at(last_ns + 400 * MS) is None
+
+
+def test_begun_anew_it_is_at_the_origin_and_keeps_the_bias() -> None:
+    odometry = Odometry()
+    _drive(odometry, 5.0, 0.0, 0.01)
+    odometry.restart()
+    assert odometry.at(0) is None
+    assert not odometry.states
+    _drive(odometry, 1.0, 5.0, 0.01)  # earlier than what was forgotten: the clock was set back
+    end = odometry.states[-1].odom_from_base
+    assert end.x == pytest.approx(5.0, abs=0.1)
+    assert end.yaw == pytest.approx(0.0, abs=1e-6)
