@@ -41,7 +41,7 @@ def main() -> None:
 def _row(fault: Fault, outcomes: list[Outcome]) -> str:
     """The worst of each."""
     first = outcomes[0]
-    state = f"`{first.state}`" if fault.states else "–"
+    state = f"`{first.state}`" if fault.states or fault.new_map else "–"
     new = "/".join(sorted({str(one.new_maps) for one in outcomes}))
     pose, error = max(one.pose_error for one in outcomes), max(one.map_error for one in outcomes)
     known = "–" if math.isnan(error) else f"{error:.1%}"

@@ -265,7 +265,7 @@ FAULTS = (
     Fault("two radars lost", partial(lost, 2), D, "silent for"),
     Fault("three radars lost", partial(lost, 3), D, "silent for"),
     Fault("all radars lost", partial(lost, 4), S, "silent for"),
-    Fault("a radar loses 60 % of its scans", intermittent, D, "of its scans come whole", notice=4.2, recover=4.2),
+    Fault("a radar loses 60 % of its scans", intermittent, D, "of its scans come whole|silent for", notice=4.2, recover=4.2),
     Fault("a radar loses frames of 60 % of its scans", torn, D, "incomplete scans", notice=4.2, recover=4.2),
     Fault("a radar frozen", frozen, D, "frozen"),
     Fault("a radar blocked, and says so", says_blocked, D, "blocked: it says so"),

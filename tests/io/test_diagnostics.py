@@ -9,6 +9,9 @@ from rosbags.typesys import Stores, get_typestore
 from tests.status import status
 
 from echogrid.core.health import SensorHealth
+from echogrid.core.mount import Mount
+from echogrid.core.se2 import SE2
+from echogrid.core.static_gate import GateNoise
 from echogrid.core.watch import Watch
 from echogrid.io.cdr import encode_diagnostics
 from echogrid.io.diagnostics import diagnostics
@@ -70,7 +73,8 @@ def test_of_an_old_map_no_part_is_called_ok(state: str) -> None:
 
 def test_the_sentences_of_the_watch_find_their_parts() -> None:
     """A reason that no part but the service tells would make all parts look sound."""
-    watch = Watch({"front_left": SensorHealth()}, 3.0)
+    mount = Mount(SE2(3.6, 0.8, 0.8), 1.3, 25.0)
+    watch = Watch({"front_left": mount}, {"front_left": SensorHealth()}, GateNoise())
     reasons = watch.state(0).reasons
     assert any(reason.startswith("radar front_left: ") for reason in reasons)
     parts = read({**status("degraded", *reasons), "sensors": {"front_left": {}}, "buses": {}})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +48,7 @@ class RadarWatch:
         self.heard_ns: int | None = None  # receipt of the newest complete scan
         self.scarce: str | None = None  # a sentence where scans are missing of late
         self.sees = 1.0  # its detections of the last second, as a share of the usual
-        self._heard = self._window = asdict(health)  # counters at `heard_ns`, and when the running window began
+        self._heard = self._window = _counters(health)  # counters at `heard_ns`, and when the running window began
         self._window_ns: int | None = None
         self._usual_rate = 0.0  # complete scans in a second
         self._last: RadarScan | None = None
@@ -70,7 +69,7 @@ class RadarWatch:
         self._wild += (wild - self._wild) * (1.0 - math.exp(-step / SHORT))
         if not WILD / 2 < self._wild < WILD:
             self.doubt("wild", self._wild >= WILD, f"broken: {self._wild:.0%} of its values are out of range")
-        self.heard_ns, self._heard = now_ns, asdict(self.health)
+        self.heard_ns, self._heard = now_ns, _counters(self.health)
         if silent or self._window_ns is None:
             self._window_ns, self._window, self.scarce = now_ns, self._heard, None
         elif now_ns - self._window_ns >= WINDOW_NS:
@@ -161,3 +160,7 @@ class RadarWatch:
         counts = {key: getattr(self.health, key) - before[key] for key in LOSSES}
         said = ", ".join(f"{count} {LOSSES[key]}" for key, count in counts.items() if count)
         return f" ({said})" if said else ""
+
+
+def _counters(health: SensorHealth) -> dict[str, int]:
+    return {key: getattr(health, key) for key in ("complete", *LOSSES)}

@@ -20,6 +20,7 @@ STARTS = (0.2, 0.4, 0.6, 0.8)  # shares of the drive
 LOOKS = (1, 3, 10)  # after which a map that began empty is judged
 STEP = 0.5  # m of way, one look
 STANDING = 60  # s
+SECOND = 1_000_000_000  # ns
 
 
 def cold_starts(tape: Tape, geometry: Geometry, networks: Mapping[Key, Network]) -> Iterator[tuple[int, View]]:
@@ -48,12 +49,12 @@ def revisits(tape: Tape, of: Sequence[Row]) -> Iterator[View]:
 def standstill(tape: Tape, geometry: Geometry, networks: Mapping[Key, Network]) -> dict[Key, float]:
     """The largest change of any cell's published probability from the second second of standing to the STANDINGth, by map.
 
-    In the middle of the drive the car stands at once, and every radar measures over and over what it measured last, now without motion.
+    In the middle of the drive the car stops, and every radar measures over and over what it measured last, now without motion.
     """
     of, before = rows(tape, geometry, networks), tape.events[: len(tape.events) // 2]
     of = [row for row in of if row.published]
     last: SE2 | None = None
-    for ego in play(before, mappers(of)):
+    for ego in play([*before, *braking(before)], mappers(of)):
         last = ego.odom_from_base
     if last is None:
         return {}
@@ -73,25 +74,38 @@ def _published(mapper: Mapper, odom_from_base: SE2) -> LogOdds:
     return probability(window)
 
 
+def braking(before: Sequence[Event]) -> list[Event]:
+    """The second after these events: the car slows down evenly to a stop, and no radar is heard."""
+    items = [item for event in before for item in event.items]
+    speed = next(item.speed for item in reversed(items) if isinstance(item, Speed))
+    yaw_rate = next(item.yaw_rate for item in reversed(items) if isinstance(item, YawRate))
+    times = [before[-1].now_ns + (step + 1) * SECOND // 100 for step in range(100)]
+    left = np.linspace(1.0, 0.0, 100)
+    return [
+        Event((Speed(now, speed * share), YawRate(now, yaw_rate * share)), now) for now, share in zip(times, left.tolist(), strict=True)
+    ]
+
+
 def standing(before: Sequence[Event], seconds: int) -> Iterator[list[Event]]:
-    """A car that stands after these events, second by second: every radar's newest scan again, with the range rate of what stands.
+    """A car that stands after these events and its `braking`, second by second: every radar's newest scan again, with the range rate of
+    what stands.
 
     Scans come as they came, `before`'s last second over and over; ego motion a hundred times a second.
     """
     newest: dict[str, RadarScan] = {item.sensor: item for event in before for item in event.items if isinstance(item, RadarScan)}
-    end, second = before[-1].now_ns, 1_000_000_000
+    end = before[-1].now_ns
     times = [
         (item.received_ns - end, item.sensor)
         for event in before
-        if event.now_ns > end - second
+        if event.now_ns > end - SECOND
         for item in event.items
         if isinstance(item, RadarScan)
     ]
-    for number in range(1, seconds + 1):
-        shift = number * second
+    for number in range(2, seconds + 2):
+        shift = number * SECOND
         events = [Event((_again(newest[sensor], end + ago + shift),), end + ago + shift) for ago, sensor in times]
         for step in range(100):
-            now = end + shift - second + (step + 1) * second // 100
+            now = end + shift - SECOND + (step + 1) * SECOND // 100
             events.append(Event((Speed(now, 0.0), YawRate(now, 0.0)), now))
         yield sorted(events, key=lambda event: event.now_ns)
 
