@@ -17,6 +17,7 @@ import torch
 from tests.training.rectangles import rectangles
 from torch import nn
 
+import echogrid
 from echogrid.core.history_raster import CHANNELS
 from echogrid.core.look_map import Calibration
 from echogrid.core.raster import GridSpec, rasterize
@@ -90,6 +91,13 @@ def test_the_papers_file_is_plain_static_and_small(file: Path) -> None:
     session = onnxruntime.InferenceSession(file, providers=["CPUExecutionProvider"])
     assert [(one.name, one.type, one.shape) for one in session.get_inputs()] == [("image", "tensor(float)", [1, 1, 128, 128])]
     assert [(one.name, one.shape) for one in session.get_outputs()] == [("answer", [1, 128, 128])]
+
+
+def test_no_file_tells_of_the_machine_that_made_it(file: Path, unet_files: dict[str, Path]) -> None:
+    """PyTorch writes the stack of every operator into the graph."""
+    shipped = (Path(echogrid.__file__).parent / "models").glob("*.onnx")
+    for path in (file, *unet_files.values(), *shipped):
+        assert not any(mark in path.read_bytes() for mark in (b"site-packages", b"export.py", b"unet.py")), path
 
 
 def test_the_defaults_file_takes_folded_bytes(unet_files: dict[str, Path]) -> None:

@@ -161,7 +161,15 @@ def traced(trained: Trained, kind: torch.dtype) -> onnx.ModelProto:
             exported.eval(), (empty,), input_names=[INPUT], output_names=[OUTPUT], opset_version=OPSET, dynamo=True, verbose=False
         )
     assert program is not None
-    proto: onnx.ModelProto = program.model_proto
+    return bare(program.model_proto)
+
+
+def bare(proto: onnx.ModelProto) -> onnx.ModelProto:
+    """The same graph without what PyTorch notes of every node: lines of source, and the paths of the machine that exported it."""
+    graph = proto.graph
+    for part in (graph, *graph.node, *graph.input, *graph.output, *graph.value_info, *graph.initializer):
+        part.ClearField("metadata_props")
+        part.ClearField("doc_string")
     return proto
 
 
