@@ -62,7 +62,7 @@ class Service:
         self.notifier = Notifier()
         self.buses: list[LiveBus] = []
         self.failure: Exception | None = None
-        self.heard_at = time.monotonic()  # when the newest frame was taken in
+        self.heard_at = time.monotonic()  # when the newest frame was mapped: a lag is latency, not silence
         self.turned_at = time.monotonic()  # when the mapping last came round
         self.latencies: deque[float] = deque(maxlen=LATENCIES)  # s, from a frame's receipt to the map update that it ended
         self.rates = _Rates()
@@ -150,7 +150,7 @@ class Service:
                 continue
             bus, message, received_at = item
             update = self.add(bus, message)
-            self.heard_at = received_at
+            self.heard_at = time.monotonic()
             if update is None:
                 continue
             self.latencies.append(time.monotonic() - received_at)
@@ -212,7 +212,7 @@ class Service:
         state, now = State(status["state"], status["reasons"]), time.monotonic()
         if self.told is None or state.name != self.told.name:
             before = "" if self.told is None else f" after {now - self.told_at:.0f} s {self.told.name}"
-            level = logging.INFO if state.name == "ok" else logging.WARNING
+            level = logging.INFO if state.name == "ok" or self.told is None else logging.WARNING  # at the start there is no map yet
             log.log(level, "; ".join((f"state {state.name}{before}", *state.reasons)))  # a sentence of its own, never held back as a repeat
             self.told, self.told_at = state, now
         rates = status["rates"]
