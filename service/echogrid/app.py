@@ -38,6 +38,7 @@ log = logging.getLogger("echogrid")
 QUEUE_FRAMES = 4096  # one to two seconds of four radars
 STATUS_PERIOD = 1.0  # s
 WAIT = 0.1  # s: a thread looks this often whether it is to end
+MOST_LAG = 1.0  # s behind the buses, beyond which the newest map is old
 TURNING = 1.0  # s within which the mapping has to come round for the watchdog
 LATENCIES = 512  # of the newest map updates
 KEPT_CELLS = 1024  # of the map around the car that is kept on disk: 240 m
@@ -63,6 +64,7 @@ class Service:
         self.buses: list[LiveBus] = []
         self.failure: Exception | None = None
         self.heard_at = time.monotonic()  # when the newest frame was mapped: a lag is latency, not silence
+        self.lag = 0.0  # s, from that frame's receipt to then
         self.turned_at = time.monotonic()  # when the mapping last came round
         self.latencies: deque[float] = deque(maxlen=LATENCIES)  # s, from a frame's receipt to the map update that it ended
         self.rates = _Rates()
@@ -109,7 +111,10 @@ class Service:
 
     def state(self) -> State:
         """Of the map, now. The traffic's own time goes on by the monotonic clock, so that no step of another one matters."""
-        return self.pipeline.state(round((time.monotonic() - self.heard_at) * 1e9))
+        state = self.pipeline.state(round((time.monotonic() - self.heard_at) * 1e9))
+        if self.lag > MOST_LAG and state.name in ("ok", "degraded"):
+            return State("stale", (f"mapping: {self.lag:.1f} s behind the buses", *state.reasons))
+        return state
 
     def status(self) -> dict[str, Any]:
         """What goes out as status: the state of the map, how the service keeps up, and all counters."""
@@ -151,6 +156,7 @@ class Service:
             bus, message, received_at = item
             update = self.add(bus, message)
             self.heard_at = time.monotonic()
+            self.lag = self.heard_at - received_at
             if update is None:
                 continue
             self.latencies.append(time.monotonic() - received_at)
