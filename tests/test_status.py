@@ -177,7 +177,7 @@ def test_on_a_terminal_it_is_coloured(endpoint: str) -> None:
     with published(endpoint, status("degraded", "radar rear_right: late")):
         done = subprocess.run([*COMMAND, "--endpoint", endpoint], stdout=theirs, env=environment, timeout=60, check=False)
     os.close(theirs)
-    with open(ours, "rb", closefd=True) as screen:  # noqa: PTH123
+    with open(ours, "rb", closefd=True) as screen:  # noqa: PTH123  # a descriptor has no path
         text = screen.read1(65536).decode()
     assert done.returncode == 2
     assert "\x1b[1mcar\x1b[0m is \x1b[1;33mdegraded\x1b[0m" in text

@@ -63,7 +63,7 @@ class Service:
         self.notifier = Notifier()
         self.buses: list[LiveBus] = []
         self.failure: Exception | None = None
-        self.heard_at = time.monotonic()  # when the newest frame was mapped: a lag is latency, not silence
+        self.mapped_at = time.monotonic()  # when the newest frame was taken in: a lag is latency, not silence
         self.lag = 0.0  # s, from that frame's receipt to then
         self.turned_at = time.monotonic()  # when the mapping last came round
         self.latencies: deque[float] = deque(maxlen=LATENCIES)  # s, from a frame's receipt to the map update that it ended
@@ -111,7 +111,7 @@ class Service:
 
     def state(self) -> State:
         """Of the map, now. The traffic's own time goes on by the monotonic clock, so that no step of another one matters."""
-        state = self.pipeline.state(round((time.monotonic() - self.heard_at) * 1e9))
+        state = self.pipeline.state(round((time.monotonic() - self.mapped_at) * 1e9))
         if self.lag > MOST_LAG and state.name in ("ok", "degraded"):
             return State("stale", (f"mapping: {self.lag:.1f} s behind the buses", *state.reasons))
         return state
@@ -155,8 +155,8 @@ class Service:
                 continue
             bus, message, received_at = item
             update = self.add(bus, message)
-            self.heard_at = time.monotonic()
-            self.lag = self.heard_at - received_at
+            self.mapped_at = time.monotonic()
+            self.lag = self.mapped_at - received_at
             if update is None:
                 continue
             self.latencies.append(time.monotonic() - received_at)
@@ -172,7 +172,7 @@ class Service:
         last = self.pipeline.mapper.odometry.states
         if self.keeper.path is not None and last:
             self.keeper.take(*self.pipeline.mapper.map.around(last[-1].odom_from_base, KEPT_CELLS))
-            self.keeper.run(self.stop)
+            self.keeper.run(self.stop)  # its thread has ended: writes what was just taken, and returns
 
     def _receive(self, bus: LiveBus) -> None:
         try:

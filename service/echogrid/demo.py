@@ -111,14 +111,18 @@ def _play_and_watch(service: Service, log: Path, out: Path, on_progress: Callabl
         service.stop.set()
 
 
-def _play(service: Service, log: Path, on_progress: Callable[[float], None] | None) -> None:
-    config = service.config
-    buses = {
-        bus.name: can.Bus(
-            interface="virtual", channel=bus.channel, preserve_timestamps=True, protocol=can.CanProtocol.CAN_FD, ignore_config=True
-        )
+def senders(config: Config) -> dict[str, can.BusABC]:
+    """Of `on_virtual_buses`, by the buses' names: the other end, which sends messages with their own time stamps."""
+    fd = can.CanProtocol.CAN_FD  # it takes classic frames too
+    return {
+        bus.name: can.Bus(interface="virtual", channel=bus.channel, preserve_timestamps=True, protocol=fd, ignore_config=True)
         for bus in config.bus
     }
+
+
+def _play(service: Service, log: Path, on_progress: Callable[[float], None] | None) -> None:
+    config = service.config
+    buses = senders(config)
     messages, sent = Log(log), 0
     try:
         for message in messages:

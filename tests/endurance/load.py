@@ -12,7 +12,7 @@ import can
 
 from echogrid.app import Service
 from echogrid.config import load_config
-from echogrid.demo import on_virtual_buses
+from echogrid.demo import on_virtual_buses, senders
 from echogrid.pipeline import Pipeline
 from tests.endurance.loop import EndlessDrive
 
@@ -82,14 +82,9 @@ def _watch(service: Service, seconds: float, load: Load, result: dict[str, Any])
     service.stop.set()
 
 
-def _sender(service: Service, bus: str) -> can.BusABC:
-    channel = next(known.channel for known in service.config.bus if known.name == bus)
-    return can.Bus(interface="virtual", channel=channel, preserve_timestamps=True, protocol=can.CanProtocol.CAN_FD, ignore_config=True)
-
-
 def _play(service: Service, endless: EndlessDrive, pace: float) -> None:
     service.live.wait(60.0)
-    buses = {bus.name: _sender(service, bus.name) for bus in service.config.bus}
+    buses = senders(service.config)
     first, started = None, time.monotonic()
     for bus, message in endless:
         first = message.timestamp if first is None else first
@@ -105,11 +100,12 @@ def _play(service: Service, endless: EndlessDrive, pace: float) -> None:
 
 def _babble(service: Service, bus: str, frame_id: int) -> None:
     service.live.wait(60.0)
-    opened, started, sent = _sender(service, bus), time.monotonic(), 0
+    buses, started, sent = senders(service.config), time.monotonic(), 0
     while not service.stop.is_set():
         stamp = (service.pipeline.signals.time.newest_ns or 0) * 1e-9  # as if received now
         while sent < (time.monotonic() - started) * FULL_BUS:
-            opened.send(can.Message(timestamp=stamp, arbitration_id=frame_id, is_extended_id=False, data=bytes(8)))
+            buses[bus].send(can.Message(timestamp=stamp, arbitration_id=frame_id, is_extended_id=False, data=bytes(8)))
             sent += 1
         time.sleep(BURST)
-    opened.shutdown()
+    for opened in buses.values():
+        opened.shutdown()

@@ -5,20 +5,18 @@ from __future__ import annotations
 import json
 import threading
 import time
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
-import can
-
 from echogrid.app import Service
 from echogrid.config import load_config
-from echogrid.demo import AHEAD_FRAMES, on_virtual_buses
+from echogrid.demo import AHEAD_FRAMES, on_virtual_buses, senders
 from echogrid.pipeline import Pipeline
 from tests.endurance.chart import Curve, chart
 from tests.endurance.loop import EndlessDrive
 
 SAMPLE = 5.0  # s
+COUNTED = ("cycles", "lost_frames", "motion_dropped", "dropped_frames", "dropped_motion", "bad_frames", "epoch")
 
 
 def soak(drive: Path, out: Path, minutes: float, model: str | None = None) -> dict[str, Any]:
@@ -85,12 +83,7 @@ def draw(samples: list[dict[str, float]]) -> str:
 
 def _play(service: Service, endless: EndlessDrive) -> None:
     service.live.wait(60.0)
-    buses = {
-        bus.name: can.Bus(
-            interface="virtual", channel=bus.channel, preserve_timestamps=True, protocol=can.CanProtocol.CAN_FD, ignore_config=True
-        )
-        for bus in service.config.bus
-    }
+    buses = senders(service.config)
     try:
         for sent, (bus, message) in enumerate(endless):
             if service.stop.is_set():
@@ -129,11 +122,3 @@ def _sample(service: Service, samples: list[dict[str, float]], seconds: float) -
             }
         )
     service.stop.set()
-
-
-COUNTED = ("cycles", "lost_frames", "motion_dropped", "dropped_frames", "dropped_motion", "bad_frames", "epoch")
-
-
-def first_frames(endless: EndlessDrive, count: int) -> list[can.Message]:
-    """For tests."""
-    return [message for _, message in islice(endless, count)]

@@ -31,7 +31,7 @@ class Unplugged(can.BusABC):
         return self.opened.recv(timeout)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        raise NotImplementedError
+        raise NotImplementedError  # BusABC demands the method; nobody sends here
 
     def shutdown(self) -> None:
         self.opened.shutdown()

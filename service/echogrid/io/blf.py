@@ -20,7 +20,7 @@ class Blf(can.BLFReader):
     """Raises ValueError where python-can would go round in circles, or take memory without end."""
 
     def __init__(self, file: BinaryIO) -> None:
-        super().__init__(_Bounded(file))  # type: ignore[arg-type]
+        super().__init__(_Bounded(file))  # type: ignore[arg-type]  # python-can only reads and closes it
 
     def __iter__(self) -> Generator[can.Message, None, None]:
         while base := self.file.read(BASE.size):

@@ -78,7 +78,7 @@ class Log:
 class _Lines(io.TextIOWrapper):
     """Iterates over lines; one without an end is an error and not a gigabyte of memory."""
 
-    def __next__(self) -> str:  # type: ignore[override]
+    def __next__(self) -> str:  # type: ignore[override]  # as in TextIOWrapper, whose stub says so of IOBase itself
         line = self.readline(LONGEST_LINE + 1)
         if not line:
             raise StopIteration
