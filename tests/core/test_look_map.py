@@ -11,7 +11,7 @@ from echogrid.core.look_map import DOUBT, KNOWN, MOST_LOOKS, STEP, TURN, UPDATES
 from echogrid.core.occupancy import OccupancyMap
 from echogrid.core.raster import GridSpec
 from echogrid.core.se2 import IDENTITY, SE2
-from echogrid.core.tiled_map import TILE
+from echogrid.core.tile import SIDE
 
 SPEC = GridSpec(cells=10, cell=0.25)
 LEARNED = Calibration(1.0, 0.0)
@@ -166,11 +166,11 @@ def test_the_rest_of_the_layers_follow_a_turn() -> None:
         assert ((columns - 8 + 0.5) * SPEC.cell).mean() == pytest.approx(0.0, abs=0.01)
 
 
-def test_a_cell_keeps_its_place_across_tile_borders_and_far_tiles_are_forgotten() -> None:
+def test_a_cell_keeps_its_place_across_tile_borders_and_tiles_left_behind_are_forgotten() -> None:
     occupancy = LookMap(SPEC, LEARNED, max_tiles=16)
     planes = said(0.0, weight=0.0)
     planes[:2, 7, 2] = 1.0  # x in [-0.75, -0.5), y in [0.5, 0.75) in base
-    side = TILE * SPEC.cell
+    side = SIDE * SPEC.cell
     for tile in range(-2, 40):
         occupancy.integrate(planes, SE2(tile * side, -tile * side, 0.0))
         row, column = round((0.5 - tile * side) / SPEC.cell), round((-0.75 + tile * side) / SPEC.cell)

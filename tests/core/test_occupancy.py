@@ -9,10 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from echogrid.core.footprint import Footprint
 from echogrid.core.occupancy import OccupancyMap
 from echogrid.core.raster import GridSpec
 from echogrid.core.se2 import IDENTITY, SE2
-from echogrid.core.tiled_map import TILE, probability, resample
+from echogrid.core.tile import SIDE
+from echogrid.core.tiled_map import probability
 
 SPEC = GridSpec(cells=32, cell=0.25)
 SMALL = GridSpec(cells=10, cell=0.25)
@@ -63,7 +65,7 @@ def test_a_cell_keeps_its_place_across_tile_borders() -> None:
     occupancy = OccupancyMap(SPEC)
     patch = np.zeros((32, 32), dtype=np.float32)
     patch[20, 10] = 1.0  # x in [-1.5, -1.25), y in [1, 1.25) in base
-    side = TILE * SPEC.cell
+    side = SIDE * SPEC.cell
     for tile_x in (-2, -1, 0, 1, 2):
         occupancy.integrate(patch, SE2(tile_x * side, -tile_x * side, 0.0))
         row, column = round((1.0 - tile_x * side) / SPEC.cell), round((-1.5 + tile_x * side) / SPEC.cell)
@@ -91,17 +93,6 @@ def test_evidence_that_cancels_is_still_seen() -> None:
     assert 0 < occupancy.window(0, 0, 1, 1)[0, 0] < 1e-30
 
 
-def test_the_farthest_tiles_are_forgotten_beyond_the_limit() -> None:
-    occupancy = OccupancyMap(SPEC, max_tiles=16)
-    patch = np.ones((32, 32), dtype=np.float32)
-    side = TILE * SPEC.cell
-    for step in range(60):
-        occupancy.integrate(patch, SE2((step + 0.5) * side, side / 2, 0.0))
-    assert len(occupancy.tiles) == 16
-    assert occupancy.forgotten == 60 - 16
-    assert (0, 59) in occupancy.tiles
-
-
 def test_an_empty_map_has_no_cells() -> None:
     assert OccupancyMap(SPEC).whole()[2].shape == (0, 0)
 
@@ -109,11 +100,11 @@ def test_an_empty_map_has_no_cells() -> None:
 def test_layers_are_resampled_as_if_each_were_alone() -> None:
     planes = np.random.default_rng(2).normal(size=(3, 10, 10)).astype(np.float32)
     pose = SE2(0.7, -1.3, 0.4)
-    row, column, together = resample(planes, pose, SMALL)
-    for plane, alone in zip(together, planes, strict=True):
+    footprint = Footprint.of(pose, SMALL)
+    for plane, alone in zip(footprint.bilinear(planes), planes, strict=True):
         occupancy = OccupancyMap(SMALL, clamp=100.0)
         occupancy.integrate(alone, pose)
-        np.testing.assert_array_equal(occupancy.window(row, column, *plane.shape), plane)
+        np.testing.assert_array_equal(occupancy.window(footprint.row, footprint.column, *plane.shape), plane)
 
 
 def test_every_update_is_taken() -> None:

@@ -23,6 +23,8 @@ from echogrid.config import load_config
 from echogrid.core.health import Health
 from echogrid.io.map_files import sha256
 from echogrid.io.signals import SignalReader
+from echogrid.io.stored_map import stored_map
+from echogrid.io.tile_store import TileStore
 from echogrid.pipeline import Pipeline
 from echogrid.replay import Recorder
 from tests.rig import real_bus
@@ -130,18 +132,16 @@ def test_a_drive_gives_the_map_of_the_kernels_own_record(tmp_path: Path) -> None
         recorder.add("radars", message)
     offline = recorder.write(tmp_path / "offline", None)
     assert offline["cycles"] == status["cycles"] > 60
-    with np.load(tmp_path / "map.npz") as kept, np.load(tmp_path / "offline" / "map.npz") as made:
-        assert (made["log_odds"] > 1).sum() > 100
-        x, y = np.rint((made["origin"] - kept["origin"]) / made["cell"]).astype(int)
-        height, width = made["log_odds"].shape
-        window = kept["log_odds"][y : y + height, x : x + width]
-        assert sha256(window, tuple(made["origin"]), float(made["cell"])) == offline["map_sha256"]
-        assert np.count_nonzero(kept["log_odds"]) == np.count_nonzero(made["log_odds"])
+    with TileStore(tmp_path / "map.egmap") as store:
+        kept = stored_map(store, store.numbers()[-1])
+        row, column, log_odds = kept.whole()
+        cell = kept.spec.cell
+        assert (log_odds > 1).sum() > 100
+        assert sha256(log_odds, (column * cell, row * cell), cell) == offline["map_sha256"]
 
         assert grid is not None
-        x, y = np.rint((np.array(grid.origin) - kept["origin"]) / grid.cell).astype(int)
-        height, width = grid.occupancy.shape
-        published = kept["log_odds"][y : y + height, x : x + width] > 0
+        column, row = np.rint(np.array(grid.origin) / cell).astype(int).tolist()
+        published = kept.window(row, column, *grid.occupancy.shape) > 0
         assert ((grid.occupancy > 50) != published).mean() < 0.01  # the last window went out up to 1 / rate_hz before the end
 
 

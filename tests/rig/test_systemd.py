@@ -16,6 +16,9 @@ import numpy as np
 import pytest
 
 from echogrid.client import Client
+from echogrid.core.tiled_map import LogOdds
+from echogrid.io.stored_map import stored_map
+from echogrid.io.tile_store import TileStore
 from tests.rig import real_bus
 
 log = logging.getLogger("rig")
@@ -23,7 +26,7 @@ ROOT = Path(__file__).parent.parent.parent
 UNIT = "echogrid.service"
 CONFIG = Path("/etc/echogrid/echogrid.toml")
 STATE = Path("/var/lib/private/echogrid")  # where a DynamicUser's /var/lib/echogrid is
-MAP = STATE / "map.npz"
+MAP = STATE / "map.egmap"
 PORT = 7447
 PATIENCE = 120.0  # s
 
@@ -73,6 +76,20 @@ def restarted_after(act: Callable[[], object]) -> None:
     act()
     eventually(lambda: int(shown("NRestarts")) > restarts and shown("SubState") == "running")
     assert main_pid() not in (0, before)
+
+
+def running_epoch(client: Client) -> int:
+    """Of the map that is being made, which is kept without fault."""
+    status = client.status()
+    assert status is not None
+    assert status["store"]["state"] == "ok", status["store"]["reason"]
+    return int(status["epoch"])
+
+
+def whole(epoch: int) -> LogOdds:
+    """What the file has of one of its maps."""
+    with TileStore(MAP) as store:
+        return stored_map(store, epoch).whole()[2]
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -143,12 +160,12 @@ def test_it_runs_as_nobody_in_particular() -> None:
 def test_a_stop_is_clean_and_keeps_the_map() -> None:
     with Client(f"tcp/127.0.0.1:{PORT}", real_bus.VEHICLE) as client:
         eventually(lambda: client.grid(timeout=2.0) is not None)
-    MAP.unlink(missing_ok=True)
+        epoch = running_epoch(client)
     done("systemctl", "stop", UNIT)
     assert (shown("Result"), shown("ExecMainStatus")) == ("success", "0")  # not "timeout": TimeoutStopSec was enough
     log.info("stopped in %.2f s", (int(shown("InactiveEnterTimestampMonotonic")) - int(shown("ActiveExitTimestampMonotonic"))) / 1e6)
-    with np.load(MAP) as kept:
-        assert (kept["log_odds"] > 1).sum() > 100
+    assert not MAP.with_name("map.egmap-wal").exists()  # all is in one file
+    assert (whole(epoch) > 1).sum() > 100
     done("systemctl", "start", UNIT)
 
 
@@ -159,12 +176,23 @@ def test_the_watchdog_restarts_a_frozen_service() -> None:
 
 @pytest.mark.usefixtures("traffic")
 def test_kill_9_loses_no_stored_map() -> None:
-    stored = MAP.read_bytes()
+    """Neither an older map nor what has been written of the running one; the next one has another number."""
     with Client(f"tcp/127.0.0.1:{PORT}", real_bus.VEHICLE) as client:
-        eventually(lambda: client.grid(timeout=2.0) is not None)
+        epoch = running_epoch(client)
+        with TileStore(MAP) as store:
+            older = store.numbers()[-2]
+        before = whole(older)
+
+        def written() -> bool:
+            status = client.status()
+            return status is not None and status["store"]["written"] > 0
+
+        eventually(written)
         restarted_after(lambda: os.kill(main_pid(), signal.SIGKILL))
-        assert MAP.read_bytes() == stored
         eventually(lambda: client.grid(timeout=2.0) is not None)  # the same client finds the new service
+        eventually(lambda: running_epoch(client) > epoch)
+    np.testing.assert_array_equal(whole(older), before)
+    assert (whole(epoch) > 1).sum() > 100
 
 
 def test_memory_and_processor_are_limited() -> None:

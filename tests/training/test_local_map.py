@@ -16,7 +16,8 @@ from echogrid.core.look_map import Calibration, LookMap
 from echogrid.core.occupancy import OccupancyMap
 from echogrid.core.raster import GridSpec
 from echogrid.core.se2 import SE2
-from echogrid.core.tiled_map import TILE, TiledMap
+from echogrid.core.tile import SIDE, Tile
+from echogrid.core.tiled_map import TiledMap
 from echogrid.errors import EchogridError
 from echogrid_training.drive import write_drive
 from echogrid_training.episode import paper_like
@@ -47,7 +48,8 @@ def test_a_patch_is_the_map_read_cell_by_cell(pose: SE2, kind: type[TiledMap]) -
     occupancy = OccupancyMap(SMALL) if kind is OccupancyMap else LookMap(SMALL, Calibration())
     rng = np.random.default_rng(1)
     for tile in ((0, 0), (-1, 0), (1, -2)):
-        occupancy.tiles[tile] = rng.normal(size=(occupancy.layers, TILE, TILE)).astype(np.float32)
+        occupancy.tiles[tile] = Tile.empty(occupancy.layers)
+        occupancy.tiles[tile].layers[:] = rng.normal(size=(occupancy.layers, SIDE, SIDE))
     read = patch(occupancy, pose, SMALL)
     assert read.shape == (occupancy.layers, 12, 12)
     for i, j in np.ndindex(12, 12):

@@ -16,7 +16,8 @@ from echogrid.config import Config, load_config
 from echogrid.core.odometry import EgoState
 from echogrid.core.raster import GridSpec, Image
 from echogrid.core.se2 import SE2
-from echogrid.core.tiled_map import Layers, TiledMap
+from echogrid.core.tile import Layers
+from echogrid.core.tiled_map import TiledMap
 from echogrid.io.drive import find_drive
 from echogrid.io.log import Log
 from echogrid.io.signals import bus_of

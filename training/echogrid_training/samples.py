@@ -16,7 +16,7 @@ from echogrid.core.look_map import Calibration, LookMap
 from echogrid.core.messages import RadarScan
 from echogrid.core.raster import Image, rasterize
 from echogrid.core.se2 import SE2
-from echogrid.core.tiled_map import LogOdds
+from echogrid.core.tiled_map import LogOdds, View
 from echogrid.io.drive import find_drive
 from echogrid.io.log import Log
 from echogrid.io.signals import bus_of
@@ -44,7 +44,7 @@ class Sample:
 class Unwritten(LookMap):
     """Takes updates as the default map does, and keeps nothing."""
 
-    def integrate(self, said: Image, odom_from_base: SE2) -> None:
+    def integrate(self, said: Image, odom_from_base: SE2, view: View | None = None) -> None:
         pass
 
 

@@ -10,11 +10,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from echogrid.core.footprint import Footprint
 from echogrid.core.occupancy import add_clamped
 from echogrid.core.raster import GridSpec, Image
 from echogrid.core.se2 import SE2
-from echogrid.core.tiled_map import Layers, LogOdds, TiledMap, resample
+from echogrid.core.tile import Layers
+from echogrid.core.tiled_map import LogOdds, TiledMap, View
 
 STEP, TURN = 0.5, math.radians(3.0)  # m and rad of ego motion after which a new look begins
 UPDATES = 4  # of a look that count; a standing car learns nothing new
@@ -37,9 +40,8 @@ class LookMap(TiledMap):
     layers = 4
 
     def __init__(self, spec: GridSpec, calibration: Calibration, clamp: float = 3.5, max_tiles: int = 4096) -> None:
-        super().__init__(spec, max_tiles)
+        super().__init__(spec, clamp, max_tiles)
         self.calibration = calibration
-        self.clamp = clamp
         self._begun: SE2 | None = None  # pose of the running look's first update
         self._updates = 0  # of the running look
 
@@ -59,7 +61,7 @@ class LookMap(TiledMap):
         self._updates += 1
         return self._updates <= UPDATES
 
-    def integrate(self, said: Image, odom_from_base: SE2) -> None:
+    def integrate(self, said: Image, odom_from_base: SE2, view: View | None = None) -> None:
         """Adds (3, H, W): the network's log-odds, the weight of its answer (0 … 1), and the geometry's log-odds.
 
         An update is 1 / UPDATES of a look, so that a slow car's looks count no more than a fast one's.
@@ -67,13 +69,13 @@ class LookMap(TiledMap):
         log_odds, weight, geometric = said
         look = np.full_like(weight, 1.0 / UPDATES)
         planes = np.stack((log_odds * weight * look, weight * look, look, geometric))
-        row, column, patch = resample(planes, odom_from_base, self.spec)
-        for tile, inside, piece in self._pieces(row, column, *patch.shape[1:], create=True):
-            mean = tile[:3, *inside]
+        footprint = Footprint.of(odom_from_base, self.spec)
+        patch = footprint.bilinear(planes)
+        for layers, inside, piece in self._changing(footprint, view):
+            mean = layers[:3, *inside]
             mean += patch[:3, *piece]
             mean *= np.minimum(1.0, MOST_LOOKS / np.maximum(mean[2], 1.0))  # forgets evenly once there are more
-            add_clamped(tile[3], inside, patch[3, *piece], self.clamp)
-        self._forget(odom_from_base)
+            add_clamped(layers[3], inside, patch[3, *piece], self.clamp)
 
     def read(self, layers: Layers) -> LogOdds:
         """The calibrated mean; where geometry holds a cell for occupied, the network may doubt that but not deny it."""
@@ -85,3 +87,6 @@ class LookMap(TiledMap):
         log_odds = np.where((geometric > 0) & (log_odds < doubted), doubted, log_odds)
         log_odds[log_odds == 0] = np.finfo(np.float32).tiny
         return np.where(known, log_odds, np.float32(0))
+
+    def measured(self, layers: Layers) -> NDArray[np.bool_]:
+        return np.asarray(layers[3] != 0)

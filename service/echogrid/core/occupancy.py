@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
+from echogrid.core.footprint import Footprint
 from echogrid.core.raster import GridSpec, Image
 from echogrid.core.se2 import SE2
-from echogrid.core.tiled_map import Layers, LogOdds, TiledMap, resample
+from echogrid.core.tile import Layers
+from echogrid.core.tiled_map import LogOdds, TiledMap, View
 
 
 class OccupancyMap(TiledMap):
@@ -15,22 +18,25 @@ class OccupancyMap(TiledMap):
     layers = 1
 
     def __init__(self, spec: GridSpec, clamp: float = 3.5, max_tiles: int = 4096) -> None:
-        super().__init__(spec, max_tiles)
-        self.clamp = clamp
+        super().__init__(spec, clamp, max_tiles)
 
     def takes(self, odom_from_base: SE2) -> bool:
         return True
 
-    def integrate(self, said: Image, odom_from_base: SE2) -> None:
+    def integrate(self, said: Image, odom_from_base: SE2, view: View | None = None) -> None:
         """Adds a patch (H, W) of log-odds around the car: logit(m|z_0:t) = logit(m|z_t) + logit(m|z_0:t-1), then clamps."""
-        row, column, (patch,) = resample(said[None], odom_from_base, self.spec)
-        for tile, inside, piece in self._pieces(row, column, *patch.shape, create=True):
-            add_clamped(tile[0], inside, patch[piece], self.clamp)
-        self._forget(odom_from_base)
+        footprint = Footprint.of(odom_from_base, self.spec)
+        (patch,) = footprint.bilinear(said[None])
+        for layers, inside, piece in self._changing(footprint, view):
+            add_clamped(layers[0], inside, patch[piece], self.clamp)
 
     def read(self, layers: Layers) -> LogOdds:
         (log_odds,) = layers
         return np.asarray(log_odds)
+
+    def measured(self, layers: Layers) -> NDArray[np.bool_]:
+        """All that is known: a sum does not tell what a network said from what geometry did."""
+        return np.asarray(layers[0] != 0)
 
 
 def add_clamped(layer: LogOdds, where: tuple[slice, slice], added: LogOdds, clamp: float) -> None:

@@ -16,7 +16,7 @@ from echogrid.core.mapper import Mapper
 from echogrid.core.occupancy import OccupancyMap
 from echogrid.core.raster import Image, rasterize
 from echogrid.core.se2 import SE2
-from echogrid.core.tiled_map import Layers
+from echogrid.core.tile import Layers
 from echogrid_training.dataset import SPEC
 from echogrid_training.evaluation.learned import Key, Network
 from echogrid_training.evaluation.reading import Scores

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from echogrid.core.messages import Floats
 from echogrid.core.odometry import EgoState
-from echogrid.core.tiled_map import TILE, Layers, LogOdds, TiledMap
+from echogrid.core.tile import SIDE, Layers
+from echogrid.core.tiled_map import LogOdds, TiledMap
 from echogrid_training.evaluation.metrics import Mask
 
 OCCUPIED, FREE = 0.85, -1.5  # log-odds: called occupied above (p > 0.7), surely free below
@@ -55,7 +56,7 @@ class Rectangle:
 
     def read(self, occupancy: TiledMap, layers: Layers | None = None) -> LogOdds:
         """(H, W) log-odds of a map, its layers multiplied by `layers` (L, 1, 1) before they are read out."""
-        rows = [(first, min(TILE, self.height - first)) for first in range(0, self.height, TILE)]  # at once, layers may be gigabytes
+        rows = [(first, min(SIDE, self.height - first)) for first in range(0, self.height, SIDE)]  # at once, layers may be gigabytes
         strips = [occupancy.window_of_layers(self.row + first, self.column, count, self.width) for first, count in rows]
         return np.concatenate([occupancy.read(strip if layers is None else strip * layers) for strip in strips])
 
