@@ -1,7 +1,10 @@
-"""Reading whole files that others wrote."""
+"""Reading whole files that others wrote, and writing whole files."""
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from echogrid.errors import EchogridError
@@ -17,3 +20,17 @@ def read(path: Path, most: int) -> bytes:
     if len(data) > most:
         raise EchogridError(f"{path}: holds more than {most >> 10} KiB, which is far beyond what such a file needs")
     return data
+
+
+@contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """Another name beside `path` to write to: at the end what is there is on the disk under `path`, or, where it failed, nowhere."""
+    partial = path.with_name(f".{path.name}.partial")
+    partial.unlink(missing_ok=True)  # of one that was killed
+    try:
+        yield partial
+        with partial.open("rb") as file:
+            os.fsync(file.fileno())
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)

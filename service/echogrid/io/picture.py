@@ -16,6 +16,7 @@ UNKNOWN = (184, 192, 202)
 DRIVEN = (226, 88, 34)
 INK = (40, 44, 52)
 LONGEST = 1600  # pixels
+OCCUPIED = 1.0  # log-odds of what a small picture must not lose
 GAP, TITLE = 8, 40  # pixels around a panel and above it
 
 
@@ -85,17 +86,24 @@ def side_by_side(panels: Sequence[Panel], cell: float, driven: Floats) -> Image.
     return sheet
 
 
+def shrink(log_odds: LogOdds, step: int) -> LogOdds:
+    """One cell for every step x step, from the first on: what is surely occupied (log-odds above 1) stays, else what is free."""
+    height, width = -(-log_odds.shape[0] // step) * step, -(-log_odds.shape[1] // step) * step
+    padded = np.zeros((height, width), dtype=np.float32)
+    padded[: log_odds.shape[0], : log_odds.shape[1]] = log_odds
+    blocks = padded.reshape(height // step, step, width // step, step)
+    highest, lowest = blocks.max(axis=(1, 3)), blocks.min(axis=(1, 3))
+    return np.asarray(np.where((highest > OCCUPIED) | (lowest == 0), highest, lowest), dtype=np.float32)
+
+
 def text(log_odds: LogOdds, columns: int) -> str:
     """The map for a terminal, y up, two rows of cells to a line: occupied white, free dark, never seen blank."""
     if not log_odds.size:
         return ""
     step = max(1, -(-log_odds.shape[1] // columns))
-    height, width = -(-log_odds.shape[0] // (2 * step)) * 2 * step, -(-log_odds.shape[1] // step) * step
-    padded = np.zeros((height, width), dtype=np.float32)
-    padded[: log_odds.shape[0], : log_odds.shape[1]] = log_odds
-    blocks = padded.reshape(height // step, step, width // step, step)
-    highest, lowest = blocks.max(axis=(1, 3)), blocks.min(axis=(1, 3))
-    kind = np.where(highest > 1.0, 2, np.where(lowest < -0.5, 1, 0))[::-1]  # 2 occupied, 1 free, 0 never seen
+    seen = shrink(log_odds, step)
+    seen = np.pad(seen, ((0, len(seen) % 2), (0, 0)))
+    kind = np.where(seen > OCCUPIED, 2, np.where(seen < -0.5, 1, 0))[::-1]  # 2 occupied, 1 free, 0 never seen
     colour = ("0", "238", "255")
     lines = []
     for upper, lower in zip(kind[::2], kind[1::2], strict=True):

@@ -1,0 +1,1 @@
+"""Stored maps: the commands `echogrid map info | show | export | import | merge`. docs/maps.md."""

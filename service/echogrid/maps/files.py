@@ -1,0 +1,64 @@
+"""Files that these commands read and write."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from echogrid.errors import EchogridError
+from echogrid.io import map_server
+from echogrid.io.dense_map import DenseMap, read_npz
+from echogrid.io.files import whole
+from echogrid.io.tile_store import SUFFIX, ForeignFileError, StoreError, TileStore
+
+
+def open_store(path: Path) -> TileStore:
+    """To be read, while a service writes it too. Raises EchogridError."""
+    if not path.is_file():
+        raise EchogridError(f"{path}: there is no such file")
+    return TileStore(path)
+
+
+@contextmanager
+def new_store(path: Path) -> Iterator[TileStore]:
+    """A store that has its name only once all is in it."""
+    with whole(path) as partial, TileStore(partial, write=True) as store:
+        yield store
+        store.seal()
+
+
+def read_dense(path: Path) -> DenseMap:
+    """A map in one of the formats of others, by the file's suffix. Raises EchogridError."""
+    if not path.is_file():
+        raise EchogridError(f"{path}: there is no such file")
+    if path.suffix == ".npz":
+        return read_npz(path)
+    if path.suffix in (".yaml", ".yml"):
+        return map_server.read(path)
+    raise EchogridError(f"{path}: its suffix tells no map format: expected {SUFFIX}, .npz, or the .yaml of a map_server map")
+
+
+def may_write(out: Path, force: bool, inputs: Sequence[Path] = ()) -> None:
+    """Raises EchogridError for an output that is there already, is one of the inputs, or lies in no folder."""
+    if not out.parent.is_dir():
+        raise EchogridError(f"{out}: there is no folder {out.parent}")
+    if not out.exists():
+        return
+    if any(path.exists() and path.samefile(out) for path in inputs):
+        raise EchogridError(f"{out}: is to be read and written at once: name another output")
+    if not force:
+        raise EchogridError(f"{out}: is there already: name another output, or give --force to replace it")
+    if out.suffix == SUFFIX:
+        _settle(out)
+
+
+def _settle(path: Path) -> None:
+    """A store that is to be replaced: without a -wal file of its own, which SQLite would lay over the new one, and in nobody's hands."""
+    try:
+        with TileStore(path, write=True) as store:
+            store.seal()
+    except ForeignFileError:
+        return
+    except StoreError as error:
+        raise EchogridError(f"{error}: it is not replaced, name another output") from error
