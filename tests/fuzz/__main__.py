@@ -41,10 +41,10 @@ def fuzz(name: str, seconds: int) -> None:
     import atheris
 
     atheris.enabled_hooks.add("str")
-    with atheris.instrument_imports(include=["echogrid", "can.io", "cantools", "textparser", "tomllib"]):
+    with atheris.instrument_imports(include=["echogrid", "can.io", "mcap", "cantools", "textparser", "tomllib"]):
         from tests.fuzz import targets
     resource.setrlimit(resource.RLIMIT_AS, (8 << 30, 8 << 30))
-    limits = [f"-max_total_time={seconds}", "-timeout=30", "-rss_limit_mb=1024", "-max_len=8192", f"-artifact_prefix={OUT}/{name}-"]
+    limits = [f"-max_total_time={seconds}", "-timeout=30", "-rss_limit_mb=1024", "-max_len=32768", f"-artifact_prefix={OUT}/{name}-"]
     options = [sys.argv[0], *limits, "-print_final_stats=1"]
     if name == ALL:
         seeds = Path(tempfile.mkdtemp(prefix="echogrid-seeds-"))

@@ -19,15 +19,18 @@ from echogrid.config import load_config
 from echogrid.core.health import Health, SensorHealth
 from echogrid.core.raster import GridSpec
 from echogrid.errors import EchogridError
-from echogrid.io import cdr, radar, signals
+from echogrid.io import cdr, map_server, radar, signals
 from echogrid.io.dbc import Dbc
+from echogrid.io.dense_map import read_npz
 from echogrid.io.drive import load_truth
+from echogrid.io.fleet import decompress
 from echogrid.io.log import Log
 from echogrid.io.model import OnnxSensorModel
 from echogrid.io.motion import MotionReader
 from echogrid.io.profile import load_motion, load_radar, shipped
 from echogrid.io.radar import RadarReader
 from echogrid.io.signals import SignalReader, bus_of
+from echogrid.io.tile_store import TileStore
 from echogrid.pipeline import Pipeline
 from tests import frames, networks
 
@@ -173,6 +176,38 @@ def truth(data: bytes) -> None:
         load_truth(_written("truth.npz", data))
 
 
+def egmap(data: bytes) -> None:
+    """A stored map, with every tile of every epoch. A -wal file beside it would be one that an input before has left."""
+    path = _written("m.egmap", data)
+    for left in FOLDER.glob("m.egmap-*"):
+        left.unlink()
+    with suppress(EchogridError), TileStore(path) as store:
+        for epoch in store.epochs():
+            for key in store.tiles(epoch.id)[:16]:
+                store.read(epoch.id, key)
+
+
+def npz(data: bytes) -> None:
+    """A map as arrays."""
+    with suppress(EchogridError):
+        read_npz(_written("map.npz", data))
+
+
+def yaml(data: bytes) -> None:
+    """A map of ROS map_server over a sound picture."""
+    _written("map.pgm", b"P5 2 2 255 \x00\xfe\xcd\x40")
+    with suppress(EchogridError):
+        map_server.read(_written("map.yaml", data))
+
+
+def pgm(data: bytes) -> None:
+    """The picture of a map of ROS map_server."""
+    _written("picture.pgm", data)
+    fields = "image: picture.pgm\nresolution: 0.5\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    with suppress(EchogridError):
+        map_server.read(_written("sound.yaml", fields.encode()))
+
+
 def wire(data: bytes) -> None:
     """What comes over Zenoh; what is taken goes back to the same bytes or at least to the same meaning."""
     with suppress(ValueError):
@@ -186,7 +221,18 @@ def wire(data: bytes) -> None:
     with suppress(ValueError):
         cdr.decode_diagnostics(data)
     with suppress(ValueError):
-        cdr.decode_attachment(data)
+        update = cdr.decode_update(data)
+        assert (cdr.decode_update(cdr.encode_update(update)).occupancy == update.occupancy).all()
+    with suppress(ValueError):
+        assert len(cdr.decode_transforms(cdr.encode_transforms(transforms := cdr.decode_transforms(data)))) == len(transforms)
+    with suppress(ValueError):
+        points = cdr.decode_points(data)
+        assert (cdr.decode_points(cdr.encode_points(points)).points == points.points).all()
+    with suppress(ValueError):
+        decompress(data)
+    for attachment in (cdr.decode_attachment, cdr.decode_grid_attachment):
+        with suppress(ValueError):
+            attachment(data)
     with suppress(ValueError):
         _json(data)
 
@@ -199,6 +245,7 @@ TARGETS: dict[str, Target] = {
     "trc": log(".trc"),
     "blf": log(".blf"),
     "db": log(".db"),
+    "mcap": log(".mcap"),
     "frames": frames_on_the_bus,
     "config": config,
     "dbc": dbc,
@@ -206,6 +253,10 @@ TARGETS: dict[str, Target] = {
     "model": model,
     "contract": contract,
     "truth": truth,
+    "egmap": egmap,
+    "npz": npz,
+    "yaml": yaml,
+    "pgm": pgm,
     "wire": wire,
 }
 CORPUS = Path(__file__).parent / "corpus"

@@ -70,6 +70,7 @@ class LiveBus:
             self._note(message)
             return None
         self.health.up = True
+        message.channel = self.bus.logged_as  # which not every interface says, and a recording is to be a log like any other
         return message
 
     def refresh(self) -> BusHealth:

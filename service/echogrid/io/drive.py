@@ -13,7 +13,7 @@ from echogrid.errors import EchogridError
 from echogrid.io.picture import Panel
 
 MOST_BYTES = 1 << 30  # that a truth file unpacks to
-LOGS = ("can.log.gz", "can.log", "can.blf", "can.asc", "can.mf4", "can.trc")
+LOGS = ("can.log.gz", "can.log", "can.blf", "can.asc", "can.mf4", "can.trc", "can.mcap")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

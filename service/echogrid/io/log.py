@@ -1,4 +1,4 @@
-"""Recordings of CAN traffic: every format that python-can reads, by the file's ending."""
+"""Recordings of CAN traffic, by the file's ending: every format that python-can reads, and our own."""
 
 from __future__ import annotations
 
@@ -18,7 +18,11 @@ from echogrid.io.blf import Blf
 
 LONGEST_LINE = 1 << 16  # characters
 END_OF_TIME = 2**31  # s, either way of 1970: what ROS's stamps hold
-TEXT, BINARY, BY_PATH = (".asc", ".csv", ".log", ".trc"), (".blf",), (".db", ".mf4")
+TEXT, BINARY, BY_PATH, OURS = (".asc", ".csv", ".log", ".trc"), (".blf",), (".db", ".mf4"), (".mcap",)
+EXTRAS = {  # what reads an ending, where it is not installed with the service
+    ".mf4": "the package asammdf: pip install asammdf",
+    ".mcap": "the extra mcap: pip install 'echogrid[mcap]'",
+}
 
 
 class Log:
@@ -34,8 +38,8 @@ class Log:
         suffixes = [suffix.lower() for suffix in path.suffixes]
         self._zipped = suffixes[-1:] == [".gz"]
         self._suffix = "".join(suffixes[-2:-1] if self._zipped else suffixes[-1:])
-        if self._suffix not in MESSAGE_READERS or (self._zipped and self._suffix in BY_PATH):
-            expected = " ".join((*TEXT, *BINARY, *BY_PATH))
+        if self._suffix not in (*MESSAGE_READERS, *OURS) or (self._zipped and self._suffix in (*BY_PATH, *OURS)):
+            expected = " ".join((*TEXT, *BINARY, *BY_PATH, *OURS))
             raise EchogridError(f"{path}: is no log format that is known, expected one of {expected} (text and .blf also with .gz)")
         try:
             self._size = path.stat().st_size
@@ -58,7 +62,8 @@ class Log:
         except (EchogridError, GeneratorExit):
             raise
         except ImportError as error:
-            raise EchogridError(f"{self.path}: reading {self._suffix} files needs the package asammdf ({error})") from error
+            needed = EXTRAS.get(self._suffix, str(error))
+            raise EchogridError(f"{self.path}: reading {self._suffix} files needs {needed}") from error
         except Exception as error:  # python-can's readers raise whatever garbage makes them stumble over
             what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
             raise EchogridError(f"{self.path}: cannot be read beyond message {self.messages}: {what}") from error
@@ -66,6 +71,10 @@ class Log:
             raise EchogridError(f"{self.path}: holds no CAN message")
 
     def _reader(self) -> Any:
+        if self._suffix in OURS:
+            from echogrid.io.mcap_log import McapLog  # an extra
+
+            return McapLog(self._raw)
         reader: Any = Blf if self._suffix == ".blf" else MESSAGE_READERS[self._suffix]
         if self._suffix == ".db":
             _check_database(self.path)
