@@ -24,6 +24,7 @@ def status(state: str = "ok", *reasons: str) -> dict[str, Any]:
         "rates": {"map_hz": 19.5, "frames_hz": 4120.25},
         "latency_ms": {"p50": 12.5, "p99": 31.25},
         "dropped_frames": 7,
+        "store": {"state": "ok", "reason": "", "epoch": 31, "mib": 12.5, "written": 32, "failed": 33, "forgotten": 34, "removed": 35},
         "rss_mib": 143.5,
         **asdict(health),
     }

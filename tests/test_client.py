@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
 import math
 import socket
 import subprocess
@@ -14,16 +16,20 @@ import numpy as np
 import pytest
 import zenoh
 
-from echogrid.client import Client, Grid, Pose
-from echogrid.config import Publish
+from echogrid.client import Client, MapName, Pose, Window
+from echogrid.config import Publish, Ros
 from echogrid.core.occupancy import OccupancyMap
 from echogrid.core.odometry import EgoState
 from echogrid.core.raster import GridSpec
 from echogrid.core.se2 import SE2
+from echogrid.demo import merge
 from echogrid.errors import EchogridError
 from echogrid.io import cdr
 from echogrid.io.diagnostics import diagnostics
+from echogrid.io.fleet import compress
 from echogrid.io.publisher import Publisher, session_config
+from echogrid.io.topics import DETECTIONS, KEY, META, Message
+from tests import messages
 from tests.status import status as a_status
 
 PATIENCE = 10.0  # s: far beyond what anything here takes
@@ -40,7 +46,7 @@ def endpoint() -> str:
 
 
 def publish(endpoint: str, vehicle: str = "car") -> Publisher:
-    return Publisher(Publish(listen=(endpoint,)), vehicle)
+    return Publisher(Publish(listen=(endpoint,)), vehicle, Ros())
 
 
 def until(read: Callable[[], T | None], send: Callable[[], object] = lambda: None) -> T:
@@ -57,11 +63,11 @@ def until(read: Callable[[], T | None], send: Callable[[], object] = lambda: Non
 
 def test_a_late_joiner_gets_the_last_map_at_once(endpoint: str) -> None:
     with publish(endpoint) as publisher:
-        publisher.grid(1, 0, 0, 0.5, -LOG_ODDS)
-        publisher.grid(123_456_789_012, -3, 10, 0.5, LOG_ODDS)
+        publisher.put(messages.grid(1, 0, 0, 0.5, -LOG_ODDS))
+        publisher.put(messages.grid(123_456_789_012, -3, 10, 0.5, LOG_ODDS))
         with Client(endpoint) as client:
             grid = client.grid(PATIENCE)
-            assert isinstance(grid, Grid)
+            assert isinstance(grid, Window)
             assert client.grid(0.0) is None
     assert (grid.stamp_ns, grid.frame, grid.cell, grid.origin) == (123_456_789_012, "odom", 0.5, (5.0, -1.5))
     np.testing.assert_array_equal(grid.occupancy, [[-1, 97, 3], [73, -1, -1]])
@@ -80,7 +86,7 @@ def test_a_cell_is_found_where_it_lies(endpoint: str, x: float, y: float) -> Non
     occupancy.integrate(logits, odom_from_base)
     row, column, log_odds = occupancy.around(odom_from_base, 80)
     with publish(endpoint) as publisher, Client(endpoint) as client:
-        publisher.grid(1, row, column, spec.cell, log_odds)
+        publisher.put(messages.grid(1, row, column, spec.cell, log_odds))
         grid = client.grid(PATIENCE)
     assert grid is not None
     i, j = int((y - grid.origin[1]) // grid.cell), int((x - grid.origin[0]) // grid.cell)
@@ -94,9 +100,9 @@ def test_odometry_status_and_diagnostics_arrive(endpoint: str) -> None:
     ego = EgoState(77, SE2(1.25, -2.5, 3 * math.pi), -1.5, 0.25)
     sent = diagnostics(a_status("degraded", "radar rear_right: late"), "car", 78)
     with publish(endpoint) as publisher, Client(endpoint) as client:
-        pose = until(lambda: client.odometry(0.02), lambda: publisher.odometry(ego))
-        status = until(lambda: client.status(0.02), lambda: publisher.status({"cycles": 3, "sensors": {"fl": {"late": 0}}}))
-        received = until(lambda: client.diagnostics(0.02), lambda: publisher.diagnostics(sent))
+        pose = until(lambda: client.odometry(0.02), lambda: publisher.put(messages.odometry(ego)))
+        status = until(lambda: client.status(0.02), lambda: publisher.put(messages.status({"cycles": 3, "sensors": {"fl": {"late": 0}}})))
+        received = until(lambda: client.diagnostics(0.02), lambda: publisher.put(messages.diagnostics(sent)))
     assert received == sent
     assert isinstance(pose, Pose)
     assert (pose.stamp_ns, pose.x, pose.y, pose.speed, pose.yaw_rate) == (77, 1.25, -2.5, -1.5, 0.25)
@@ -106,10 +112,10 @@ def test_odometry_status_and_diagnostics_arrive(endpoint: str) -> None:
 
 def test_the_latest_wins(endpoint: str) -> None:
     with publish(endpoint) as publisher, Client(endpoint) as client:
-        until(lambda: client.odometry(0.02), lambda: publisher.odometry(EgoState(1, SE2(0, 0, 0), 0, 0)))
+        until(lambda: client.odometry(0.02), lambda: publisher.put(messages.odometry(EgoState(1, SE2(0, 0, 0), 0, 0))))
         stamps = []
         for stamp_ns in range(100, 200):
-            publisher.odometry(EgoState(stamp_ns, SE2(0, 0, 0), 0, 0))
+            publisher.put(messages.odometry(EgoState(stamp_ns, SE2(0, 0, 0), 0, 0)))
         while not stamps or stamps[-1] < 199:
             pose = client.odometry(PATIENCE)
             assert pose is not None
@@ -144,7 +150,7 @@ def test_the_client_may_come_first_and_the_service_come_again(endpoint: str) -> 
         assert client.grid(0.0) is None
         for stamp_ns in (1, 2):
             with publish(endpoint) as publisher:
-                publisher.grid(stamp_ns, 0, 0, 0.5, LOG_ODDS)
+                publisher.put(messages.grid(stamp_ns, 0, 0, 0.5, LOG_ODDS))
                 grid = client.grid(PATIENCE)
                 assert grid is not None
                 assert grid.stamp_ns == stamp_ns
@@ -153,7 +159,7 @@ def test_the_client_may_come_first_and_the_service_come_again(endpoint: str) -> 
 
 def test_one_vehicle_does_not_hear_another(endpoint: str) -> None:
     with publish(endpoint, "red-1") as publisher, Client(endpoint, "red-1") as red, Client(endpoint, "blue") as blue:
-        publisher.grid(1, 0, 0, 0.5, LOG_ODDS)
+        publisher.put(messages.grid(1, 0, 0, 0.5, LOG_ODDS))
         assert red.grid(PATIENCE) is not None
         assert red.alive()
         assert blue.grid(0.05) is None
@@ -173,10 +179,16 @@ def test_an_endpoint_that_cannot_be(address: str) -> None:
 
 
 def test_malformed_payloads_are_counted_and_skipped(endpoint: str) -> None:
+    beside = cdr.encode_attachment(1, 5, bytes(16)) + cdr.encode_version(0, 1)
+    grid = cdr.encode_grid(cdr.Grid(5, "odom", 0.5, (0.0, 0.0), np.zeros((2, 2), dtype=np.int8)))
     good = {
-        "grid/fused/full": cdr.encode_grid(cdr.Grid(5, "odom", 0.5, (0.0, 0.0), np.zeros((2, 2), dtype=np.int8))),
+        "grid/fused/full": grid,
+        "grid/fused/key": grid,
+        "grid/fused/fleet": compress(grid),
         "odom": cdr.encode_odometry(cdr.Odometry(5, "odom", "base", SE2(0, 0, 0), 0.0, 0.0)),
+        "detections": cdr.encode_points(cdr.Points(5, "base", np.zeros((2, 3), dtype=np.float32))),
         "status": b'{"state": "running"}',
+        "meta": b'{"vehicle": "car"}',
         "diagnostics": cdr.encode_diagnostics(cdr.DiagnosticArray(5, "", ())),
     }
     noise = (b"", b"\0", b"[1]", b'{"a": "\xff"}', b'{"a": 1', b'{"a": ' + b"[" * 100_000, bytes(1000), good["odom"] + b"!")
@@ -188,14 +200,30 @@ def test_malformed_payloads_are_counted_and_skipped(endpoint: str) -> None:
             until(lambda: (read(0.01), client.malformed > before or None)[1])
             assert client.malformed == before + 1
 
-        reads = (client.grid, client.odometry, client.status, client.diagnostics)
+        reads = (
+            client.grid,
+            client.follow,
+            client.fleet,
+            client.odometry,
+            client.detections,
+            client.status,
+            client.meta,
+            client.diagnostics,
+        )
         for name, read in zip(good, reads, strict=True):
             publisher = session.declare_publisher(f"echogrid/v1/car/{name}")
-            until(lambda read=read: read(0.02), lambda publisher=publisher, name=name: publisher.put(good[name]))
+            put = functools.partial(publisher.put, attachment=beside)
+            until(lambda read=read: read(0.02), lambda put=put, name=name: put(good[name]))
+            while read(0.05) is not None:  # one that is still on its way
+                pass
             for payload in noise:
-                count_after(lambda publisher=publisher, payload=payload: publisher.put(payload), read)
+                count_after(lambda put=put, payload=payload: put(payload), read)
             count_after(publisher.delete, read)
-            publisher.put(good[name])
+            if name.startswith("grid/"):
+                count_after(lambda publisher=publisher, name=name: publisher.put(good[name]), read)  # of no known map
+                beside_next = cdr.encode_attachment(2, 5, bytes(16)) + cdr.encode_version(0, 2)
+                put = functools.partial(publisher.put, attachment=beside_next)
+            put(good[name])
             assert read(PATIENCE) is not None
 
 
@@ -212,7 +240,7 @@ print(grid.stamp_ns, grid.occupancy.tolist(), client.alive())
 
 def test_another_process_reads_and_ends_without_closing(endpoint: str) -> None:
     with publish(endpoint) as publisher:
-        publisher.grid(42, 0, 0, 0.5, LOG_ODDS)
+        publisher.put(messages.grid(42, 0, 0, 0.5, LOG_ODDS))
         command = [sys.executable, "-W", "error", "-c", FORGETFUL, endpoint]
         run = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert (run.returncode, run.stdout, run.stderr) == (0, "42 [[-1, 97, 3], [73, -1, -1]] True\n", "")
@@ -221,10 +249,11 @@ def test_another_process_reads_and_ends_without_closing(endpoint: str) -> None:
 SERVICE = """
 import sys
 import numpy as np
-from echogrid.config import Publish
+from echogrid.config import Publish, Ros
 from echogrid.io.publisher import Publisher
-publisher = Publisher(Publish(listen=(sys.argv[1],)), "car")
-publisher.grid(42, 0, 0, 0.5, np.ones((1024, 1024), dtype=np.float32))
+from tests import messages
+publisher = Publisher(Publish(listen=(sys.argv[1],)), "car", Ros())
+publisher.put(messages.grid(42, 0, 0, 0.5, np.ones((1024, 1024), dtype=np.float32)))
 print("up", flush=True)
 sys.stdin.read()
 """
@@ -247,3 +276,81 @@ def test_a_service_in_another_process_ends_without_closing(endpoint: str) -> Non
                 until(lambda: None if client.alive() else True)
         finally:
             service.kill()
+
+
+def test_follow_lays_updates_over_the_key_frame_that_they_name(endpoint: str) -> None:
+    whole = messages.grid(100, -3, 10, 0.5, LOG_ODDS, topic=KEY, epoch=2, keyframe=4)
+    cells = np.array([[7, 8]], dtype=np.int8)
+    with publish(endpoint) as publisher, Client(endpoint) as client:
+        publisher.put(whole)
+        first = client.follow(PATIENCE)
+        assert first is not None
+        assert client.follow(0.0) is None
+        send = functools.partial(publisher.put, messages.update(4, 200, cells, x=1, y=0, epoch=2))
+        second = until(lambda: client.follow(0.02), send)
+        for other in (messages.update(5, 300, cells, epoch=2), messages.update(4, 300, np.zeros((3, 1), np.int8), epoch=2)):
+            publisher.put(other)  # of a key frame that did not come, and beyond the one that did
+            assert client.follow(0.2) is None
+        publisher.put(messages.grid(400, 0, 0, 0.5, -LOG_ODDS, topic=KEY, epoch=3, keyframe=5))
+        third = client.follow(PATIENCE)
+    assert (first.stamp_ns, first.origin, first.map.epoch) == (100, (5.0, -1.5), 2)
+    np.testing.assert_array_equal(first.occupancy, [[-1, 97, 3], [73, -1, -1]])
+    assert (second.stamp_ns, second.origin, second.map) == (200, (5.0, -1.5), first.map)
+    np.testing.assert_array_equal(second.occupancy, [[-1, 7, 8], [73, -1, -1]])
+    assert third is not None
+    assert (third.stamp_ns, third.map) == (400, (first.map.source, 3))
+    np.testing.assert_array_equal(third.occupancy, [[-1, 3, 97], [27, -1, -1]])
+    assert client.malformed == 1
+
+
+def test_the_stream_for_slow_links_is_made_only_for_those_who_listen(endpoint: str) -> None:
+    random = np.random.default_rng(2)
+    log_odds = random.uniform(-4, 4, (40, 50)).astype(np.float32) * (random.random((40, 50)) < 0.7)
+    sent = cdr.decode_grid(messages.grid(0, 0, 0, 0.5, log_odds).payload).occupancy
+    second = 10**9
+    with publish(endpoint) as publisher, Client(endpoint) as client:
+        publisher.put(messages.grid(second, 0, 0, 0.5, log_odds))
+        assert publisher._fleet.made_ns is None
+        stamps = iter(range(2 * second, 10**18, second // 4))
+        window = until(lambda: client.fleet(0.02), lambda: publisher.put(messages.grid(next(stamps), 0, 0, 0.5, log_odds, epoch=3)))
+        made = {window.stamp_ns}
+        for stamp_ns in itertools.islice(stamps, 16):  # four seconds
+            publisher.put(messages.grid(stamp_ns, 0, 0, 0.5, log_odds, epoch=3))
+            more = client.fleet(0.1)
+            made |= set() if more is None else {more.stamp_ns}
+    assert all(later - earlier >= second for earlier, later in itertools.pairwise(sorted(made)))
+    assert 4 <= len(made) <= 5
+    assert window.map.epoch == 3
+    np.testing.assert_array_equal(window.occupancy < 0, sent < 0)
+    assert set(np.unique(window.occupancy[sent >= 0]).tolist()) == {0, 25, 50, 75, 100}
+    assert np.abs(window.occupancy[sent >= 0] - sent[sent >= 0]).max() <= 12
+
+
+def test_the_stream_for_slow_links_can_be_turned_off(endpoint: str) -> None:
+    with Publisher(Publish(listen=(endpoint,), fleet_hz=0.0), "car", Ros()) as publisher, Client(endpoint) as client:
+        until(
+            lambda: (client.grid(0.02) and client.fleet(0.02) is None) or None,
+            lambda: publisher.put(messages.grid(1, 0, 0, 0.5, LOG_ODDS)),
+        )
+        publisher.put(messages.grid(2, 0, 0, 0.5, LOG_ODDS))
+        assert client.fleet(0.2) is None
+
+
+def test_meta_comes_at_once_and_detections_as_they_are(endpoint: str) -> None:
+    points = cdr.Points(5, "base", np.array([[1.5, -2.0, 0.0]], np.float32))
+    with publish(endpoint) as publisher, Client(endpoint) as client:
+        publisher.put(Message(META, b'{"vehicle": "car"}', 1, 0, 0))
+        assert client.meta(PATIENCE) == {"vehicle": "car"}
+        received = until(lambda: client.detections(0.02), lambda: publisher.put(Message(DETECTIONS, cdr.encode_points(points), 5, 0, 0)))
+    assert (received.stamp_ns, received.frame) == (5, "base")
+    np.testing.assert_array_equal(received.points, points.points)
+
+
+def test_windows_of_older_maps_are_left_out_where_windows_are_put_together() -> None:
+    def window(stamp_ns: int, column: int, value: int, source: bytes, epoch: int) -> Window:
+        return Window(stamp_ns, "odom", 0.5, (column * 0.5, 0.0), np.full((2, 2), value, np.int8), MapName(source, epoch))
+
+    windows = [window(1, 0, 90, b"one", 0), window(2, 1, 80, b"two", 0), window(3, 5, 70, b"two", 1), window(4, 6, 60, b"two", 1)]
+    origin, log_odds = merge(windows)
+    assert origin == (2.5, 0.0)
+    np.testing.assert_allclose(100 / (1 + np.exp(-log_odds)), [[70, 60, 60], [70, 60, 60]], rtol=1e-6)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from echogrid.config import load_config
+from echogrid.config import Map, load_config
 from echogrid.core.health import Health
 from echogrid.errors import EchogridError
 from echogrid.io.signals import SignalReader
@@ -49,6 +49,17 @@ def test_the_smallest_configuration_drives(tmp_path: Path) -> None:
         (("x = 3.6", "x = " + "9" * 5000), "is not valid TOML: Exceeds the limit (4300 digits)"),
         (("x = 3.6", "x = " + "[" * 5000), "holds tables or arrays too deep inside each other"),
         (("x = 3.6", "x = 3.6 #" + "." * (1 << 20)), "holds more than 1024 KiB"),
+        (('vehicle = "test"', "store.flush_s = 0"), "store.flush_s: Expected `float` >= 0.1"),
+        (('vehicle = "test"', "store.max_mib = 1"), "store.max_mib: Expected `int` >= 16"),
+        (('vehicle = "test"', "map.max_mib = 1"), "map.max_mib: Expected `int` >= 8"),
+        (
+            ('vehicle = "test"', "map.max_tiles = 16\npublish.window_cells = 640"),
+            "publish.window_cells: 640 found, whose 36 tiles have no room in map.max_tiles and map.max_mib, which hold 16",
+        ),
+        (
+            ('model = "analytic"', "map.max_mib = 8\npublish.window_cells = 640"),  # 352 KiB each
+            "publish.window_cells: 640 found, whose 36 tiles have no room in map.max_tiles and map.max_mib, which hold 23",
+        ),
         (('vehicle = "test"', "map.cycle_ms = 1e308"), "map.cycle_ms: Expected `float` <= 1000000.0"),
         (('model = "analytic"', f'model = "default"\nmodel_sha256 = "{"0" * 64}"'), "model_sha256: given for 'default', expected beside"),
         (('model = "analytic"', 'model_sha256 = "0"'), "model_sha256: Expected `str` matching regex"),
@@ -113,3 +124,22 @@ def test_the_command_line_says_it_without_a_traceback(tmp_path: Path, command: t
     done = subprocess.run([sys.executable, "-m", "echogrid", *command, str(path)], capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 1
     assert done.stderr == f"echogrid: {path}: radar[0]: unknown key 'yaw_dg'; did you mean 'yaw_deg'?\n"
+
+
+def test_the_smaller_bound_of_the_memory_wins() -> None:
+    assert Map(max_tiles=100, max_mib=256).tiles(4) == 100
+    assert Map(max_tiles=1024, max_mib=11).tiles(4) == 32  # of 352 KiB
+    assert Map(max_tiles=1024, max_mib=10).tiles(1) == 64  # of 160 KiB
+
+
+def test_more_radars_than_a_tile_has_bits_for_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "echogrid.toml"
+    one = CONFIG[CONFIG.index("[[radar]]") :].split("[[radar]]")[1]
+    for count, refused in ((16, False), (17, True)):
+        radars = [f"[[radar]]{one.replace('front_left', f'r{n}')}" for n in range(count)]
+        path.write_text(CONFIG.split("[[radar]]")[0] + "".join(radars))
+        if refused:
+            with pytest.raises(EchogridError, match="radar: 17 are configured, expected at most 16: the map keeps a bit for each"):
+                load_config(path)
+        else:
+            assert len(load_config(path).radar) == 16

@@ -20,19 +20,26 @@ import zenoh
 import zenoh.ext
 
 from echogrid.client import Client
-from echogrid.config import Publish, Tls, load_config
+from echogrid.config import Publish, Ros, Tls, load_config
 from echogrid.errors import EchogridError
 from echogrid.io import cdr
 from echogrid.io.credentials import Credentials
-from echogrid.io.publisher import ALIVE_KEY, GRID_KEY, STATUS_KEY, Publisher, key, session_config
+from echogrid.io.publisher import Publisher, key, session_config
+from echogrid.io.ros import topic_keys
+from echogrid.io.topics import ALIVE, FULL, KEY, REGION, STATUS, TILE
+from tests import messages
 from tests.frames import CONFIG
 
 ROOT = Path(__file__).parent.parent
 PATIENCE = 10.0  # s: far beyond what anything here takes
 LOG_ODDS = np.zeros((4, 4), dtype=np.float32)
 FAKE_NS = 666  # stamp of maps that nobody may ever see
-MAP = key("car", GRID_KEY)
-ALIVE, FAKE_TOKEN = key("car", ALIVE_KEY), key("car", "alive/fake")
+MAP = key("car", FULL.name)
+ROS_MAP = dict(topic_keys(Ros()))[KEY]
+GRIDS = (MAP, key("car", KEY.name), ROS_MAP)
+TOKEN = key("car", ALIVE)
+FAKE_TOKENS = (key("car", "alive/fake"), "@ros2_lv/0/fake/0/0/NN/%/%/fake")
+Look = Callable[[], set[tuple[str, int]]]  # keys and stamps of what has come
 
 
 @pytest.fixture
@@ -88,15 +95,18 @@ class Intruder:
     def __init__(self, session: zenoh.Session) -> None:
         self.session = session
         self.stolen: set[str] = set()  # keys of what came that it had not sent itself
-        everything = ("**", key("car", "**"))
+        everything = ("**", key("car", "**"), key("*", "**"), "0/**", "@ros2_lv/0/**")
         history = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1)
         self.subscribers = [session.declare_subscriber(name) for name in everything]
         self.subscribers += [session.liveliness().declare_subscriber(name, history=True) for name in everything]
-        self.subscribers += [zenoh.ext.declare_advanced_subscriber(session, MAP, zenoh.handlers.DefaultHandler(), history=history)]
+        self.subscribers += [
+            zenoh.ext.declare_advanced_subscriber(session, name, zenoh.handlers.DefaultHandler(), history=history) for name in GRIDS
+        ]
         fake = cdr.encode_grid(cdr.Grid(FAKE_NS, "odom", 0.5, (0.0, 0.0), np.zeros((2, 2), np.int8)))
-        self.lies = {MAP: fake, key("car", STATUS_KEY): b'{"state": "fake"}'}
-        self.queryable = session.declare_queryable(MAP, zenoh.handlers.RingChannel(1))
-        self.token = session.liveliness().declare_token(FAKE_TOKEN)
+        self.lies = {**dict.fromkeys(GRIDS, fake), key("car", STATUS.name): b'{"state": "fake"}'}
+        asked = (*GRIDS, key("car", REGION), key("car", f"{TILE}/*/*"))
+        self.queryables = [session.declare_queryable(name, zenoh.handlers.RingChannel(1)) for name in asked]
+        self.tokens = [session.liveliness().declare_token(name) for name in FAKE_TOKENS]
 
     def act(self) -> None:
         for name, payload in self.lies.items():
@@ -107,9 +117,9 @@ class Intruder:
 
     def ask(self) -> None:
         """For the map, its cache and who is alive."""
-        for name in (MAP, f"{MAP}/@adv/**", key("car", "**/@adv/**")):
+        for name in (MAP, f"{MAP}/@adv/**", key("car", "**/@adv/**"), f"{ROS_MAP}/@adv/**"):
             self._note_all(self.session.get(name, timeout=0.5, accept_replies=zenoh.ReplyKeyExpr.ANY))
-        for name in ("**", key("car", "**")):
+        for name in ("**", key("car", "**"), "@ros2_lv/0/**"):
             self._note_all(self.session.liveliness().get(name, timeout=0.5))
 
     def _note_all(self, replies: Iterable[zenoh.Reply]) -> None:
@@ -119,27 +129,34 @@ class Intruder:
 
     def _note(self, sample: zenoh.Sample) -> None:
         name = str(sample.key_expr)
-        if bytes(sample.payload) != self.lies.get(name) and name != FAKE_TOKEN:
+        if bytes(sample.payload) != self.lies.get(name) and name not in FAKE_TOKENS:
             self.stolen.add(name)
 
 
 @contextmanager
-def watched(publisher: Publisher, endpoint: str, mode: str, credentials: Credentials | None) -> Iterator[Callable[[], set[int]]]:
-    """A plain viewer that shall see the publisher's maps; gives the stamps of those that came."""
+def watched(publisher: Publisher, endpoint: str, mode: str, credentials: Credentials | None) -> Iterator[Look]:
+    """A plain viewer that shall see the publisher's maps; gives the stamps of those that came, each with its key."""
     with opened(endpoint, mode, credentials) as session:
-        subscriber, stamps = session.declare_subscriber(MAP), set()
+        subscribers, stamps = [session.declare_subscriber(name) for name in GRIDS], set()
 
-        def look() -> set[int]:
-            while (sample := subscriber.try_recv()) is not None:
-                stamps.add(cdr.decode_grid(bytes(sample.payload)).stamp_ns)
+        def look() -> set[tuple[str, int]]:
+            for subscriber in subscribers:
+                while (sample := subscriber.try_recv()) is not None:
+                    stamps.add((str(sample.key_expr), stamp_of(sample)))
             return stamps
 
         deadline = time.monotonic() + PATIENCE
-        while not look() and time.monotonic() < deadline:
-            publisher.grid(1, 0, 0, 0.5, LOG_ODDS)
+        while not look() >= {(name, 1) for name in GRIDS} and time.monotonic() < deadline:
+            send(publisher, 1)
             time.sleep(0.02)
-        assert stamps
+        assert stamps >= {(name, 1) for name in GRIDS}
         yield look
+
+
+def send(publisher: Publisher, stamp_ns: int) -> None:
+    """A map under each of its keys."""
+    for number, topic in enumerate((FULL, KEY)):
+        publisher.put(messages.grid(stamp_ns, 0, 0, 0.5, LOG_ODDS, topic=topic, keyframe=number))
 
 
 def exchange(publisher: Publisher, endpoint: str, intruder: Intruder, modes: tuple[str, ...], viewer: Credentials | None) -> set[int]:
@@ -147,30 +164,31 @@ def exchange(publisher: Publisher, endpoint: str, intruder: Intruder, modes: tup
     with ExitStack() as stack:
         looks = [stack.enter_context(watched(publisher, endpoint, mode, viewer)) for mode in modes]
         for stamp_ns in range(1000, 1030):
-            publisher.grid(stamp_ns, 0, 0, 0.5, LOG_ODDS)
+            send(publisher, stamp_ns)
             intruder.act()
             time.sleep(0.01)
         deadline = time.monotonic() + PATIENCE
-        while not all(1029 in look() for look in looks) and time.monotonic() < deadline:
-            publisher.grid(1029, 0, 0, 0.5, LOG_ODDS)
+        last = {(name, 1029) for name in GRIDS}
+        while not all(look() >= last for look in looks) and time.monotonic() < deadline:
+            send(publisher, 1029)
             time.sleep(0.01)
-        assert all(1029 in look() for look in looks)
+        assert all(look() >= last for look in looks)
         intruder.act()
-        return set().union(*(look() for look in looks))
+        return {stamp_ns for look in looks for _, stamp_ns in look()}
 
 
 def test_by_default_nothing_can_be_found_from_outside(port: int) -> None:
     """A program with Zenoh's own defaults, which search by multicast: it finds its like, and not the service."""
     control = key("car", "control")
     with (
-        Publisher(Publish(listen=(f"tcp/127.0.0.1:{port}",)), "car") as publisher,
+        Publisher(Publish(listen=(f"tcp/127.0.0.1:{port}",)), "car", Ros()) as publisher,
         zenoh.open(zenoh.Config()) as session,
         zenoh.open(zenoh.Config()) as careless,
     ):
         intruder = Intruder(session)
         deadline = time.monotonic() + PATIENCE
         for stamp_ns in range(10**6):
-            publisher.grid(stamp_ns, 0, 0, 0.5, LOG_ODDS)
+            publisher.put(messages.grid(stamp_ns, 0, 0, 0.5, LOG_ODDS))
             careless.put(control, b"here")
             intruder.act()
             if stamp_ns > 100 and control in intruder.stolen:
@@ -189,11 +207,11 @@ def stamp_of(sample: zenoh.Sample) -> int:
 def test_a_program_on_this_machine_may_look_and_not_touch(port: int) -> None:
     """Clients are sent what other clients put, if whoever is between them lets it pass."""
     endpoint = f"tcp/127.0.0.1:{port}"
-    with Publisher(Publish(listen=(endpoint,)), "car") as publisher, opened(endpoint, "client", None) as session:
+    with Publisher(Publish(listen=(endpoint,)), "car", Ros()) as publisher, opened(endpoint, "client", None) as session:
         intruder = Intruder(session)
         assert FAKE_NS not in exchange(publisher, endpoint, intruder, ("peer", "client"), None)
         intruder.ask()
-        assert intruder.stolen >= {MAP, ALIVE}
+        assert intruder.stolen >= {*GRIDS, TOKEN}
         with Client(endpoint) as client:
             assert client.alive()
 
@@ -217,14 +235,14 @@ def test_the_lies_would_arrive_if_nobody_forbade_them(port: int) -> None:
 
 def test_the_listed_viewer_sees_the_last_map_and_the_next(port: int, files: Files) -> None:
     endpoint = f"tls/127.0.0.1:{port}"
-    with Publisher(Publish(listen=(endpoint,), tls=files.tls("viewer")), "car") as publisher:
-        publisher.grid(7, 0, 0, 0.5, LOG_ODDS)
+    with Publisher(Publish(listen=(endpoint,), tls=files.tls("viewer")), "car", Ros()) as publisher:
+        publisher.put(messages.grid(7, 0, 0, 0.5, LOG_ODDS))
         with Client(endpoint, credentials=files.of("viewer")) as client:
             grid = client.grid(PATIENCE)
             assert grid is not None
             assert grid.stamp_ns == 7
             assert client.alive()
-            publisher.grid(8, 0, 0, 0.5, LOG_ODDS)
+            publisher.put(messages.grid(8, 0, 0, 0.5, LOG_ODDS))
             grid = client.grid(PATIENCE)
             assert grid is not None
             assert grid.stamp_ns == 8
@@ -234,7 +252,7 @@ def test_the_listed_viewer_sees_the_last_map_and_the_next(port: int, files: File
 def test_whoever_is_not_listed_sees_nothing_and_changes_nothing(port: int, files: Files, who: str) -> None:
     """A certificate of the same authority, one of the right name but out of date or from another authority, none, and no TLS at all."""
     endpoint = f"tls/127.0.0.1:{port}"
-    with Publisher(Publish(listen=(endpoint,), tls=files.tls("viewer")), "car") as publisher:
+    with Publisher(Publish(listen=(endpoint,), tls=files.tls("viewer")), "car", Ros()) as publisher:
         config = session_config((), (endpoint if who != "plain" else f"tcp/127.0.0.1:{port}",), sends=False)
         if who == "nobody":
             config.insert_json5("transport/link/tls", json.dumps({"root_ca_certificate": str(files.of("viewer").ca)}))
@@ -251,13 +269,13 @@ def test_the_listed_viewer_may_not_touch_either(port: int, files: Files) -> None
     """The same intruder, let in: it hears, and what it says still reaches nobody."""
     endpoint = f"tls/127.0.0.1:{port}"
     with (
-        Publisher(Publish(listen=(endpoint,), tls=files.tls("viewer", "stranger")), "car") as publisher,
+        Publisher(Publish(listen=(endpoint,), tls=files.tls("viewer", "stranger")), "car", Ros()) as publisher,
         opened(endpoint, "client", files.of("stranger")) as session,
     ):
         intruder = Intruder(session)
         assert FAKE_NS not in exchange(publisher, endpoint, intruder, ("peer", "client"), files.of("viewer"))
         intruder.ask()
-        assert intruder.stolen >= {MAP, ALIVE}
+        assert intruder.stolen >= {*GRIDS, TOKEN}
 
 
 def test_a_viewer_does_not_fall_for_another_host(port: int, files: Files) -> None:
@@ -265,8 +283,11 @@ def test_a_viewer_does_not_fall_for_another_host(port: int, files: Files) -> Non
     endpoint = f"tls/127.0.0.1:{port}"
     elsewhere = files.of("elsewhere")
     tls = Tls(ca=str(elsewhere.ca), certificate=str(elsewhere.certificate), key=str(elsewhere.key), viewers=("viewer",))
-    with Publisher(Publish(listen=(endpoint,), tls=tls), "car") as publisher, Client(endpoint, credentials=files.of("viewer")) as client:
-        publisher.grid(7, 0, 0, 0.5, LOG_ODDS)
+    with (
+        Publisher(Publish(listen=(endpoint,), tls=tls), "car", Ros()) as publisher,
+        Client(endpoint, credentials=files.of("viewer")) as client,
+    ):
+        publisher.put(messages.grid(7, 0, 0, 0.5, LOG_ODDS))
         assert client.grid(1.0) is None
 
 
@@ -305,7 +326,7 @@ def test_the_service_says_it_before_anything_is_opened(port: int, files: Files) 
     expired = files.of("expired")
     tls = Tls(ca=str(expired.ca), certificate=str(expired.certificate), key=str(expired.key), viewers=("viewer",))
     with pytest.raises(EchogridError, match=rf"^publish\.tls: {expired.certificate}: is not accepted by .*: certificate has expired$"):
-        Publisher(Publish(listen=(f"tls/127.0.0.1:{port}",), tls=tls), "car")
+        Publisher(Publish(listen=(f"tls/127.0.0.1:{port}",), tls=tls), "car", Ros())
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", port))
     with pytest.raises(EchogridError, match=r"^expired|certificate has expired$"):
@@ -376,6 +397,6 @@ def test_the_five_minutes_of_the_document_work(tmp_path: Path, port: int) -> Non
     path = tmp_path / "echogrid.toml"
     path.write_text(f"{CONFIG}\n{publish}".replace("[::]:7447", f"127.0.0.1:{port}"))
     viewer = Credentials(made / "ca.pem", made / "dashboard.pem", made / "dashboard.key")
-    with Publisher(load_config(path).publish, "car") as publisher, Client(f"tls/127.0.0.1:{port}", credentials=viewer) as client:
-        publisher.grid(7, 0, 0, 0.5, LOG_ODDS)
+    with Publisher(load_config(path).publish, "car", Ros()) as publisher, Client(f"tls/127.0.0.1:{port}", credentials=viewer) as client:
+        publisher.put(messages.grid(7, 0, 0, 0.5, LOG_ODDS))
         assert client.grid(PATIENCE) is not None

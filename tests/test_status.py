@@ -17,10 +17,11 @@ from pathlib import Path
 import pytest
 import trustme
 
-from echogrid.config import Publish, Tls
+from echogrid.config import Publish, Ros, Tls
 from echogrid.errors import EchogridError
 from echogrid.io.publisher import Publisher
 from echogrid.status import lines
+from tests import messages
 from tests.status import status
 
 COMMAND = [sys.executable, "-W", "error", "-m", "echogrid", "status"]
@@ -39,10 +40,10 @@ def published(endpoint: str, *statuses: dict[str, object], vehicle: str = "car",
     done = threading.Event()
 
     def publish() -> None:
-        with Publisher(Publish(listen=(endpoint,), tls=tls), vehicle) as publisher:
+        with Publisher(Publish(listen=(endpoint,), tls=tls), vehicle, Ros()) as publisher:
             n = 0
             while not done.wait(0.05):
-                publisher.status(statuses[n % len(statuses)])
+                publisher.put(messages.status(statuses[n % len(statuses)]))
                 n += 1
 
     thread = threading.Thread(target=publish)
@@ -70,18 +71,19 @@ def test_a_service_that_is_well(endpoint: str) -> None:
         "traffic   4,120 frames/s",
         "latency   12.5 ms, 99 % within 31.2 ms",
         "memory    144 MiB",
+        "store     ok, 12 MiB",
         'model     default.onnx: "float" is\\as fast here',
         *(line for line in shown if line.startswith(("radar", "bus", "counters"))),
     ]
-    assert [line.split()[:2] for line in shown[6:-1]] == [
+    assert [line.split()[:2] for line in shown[7:-1]] == [
         ["radar", "front_left"],
         ["radar", "rear_right"],
         ["bus", "chassis"],
         ["bus", "radars"],
     ]
-    assert shown[6].startswith("radar     front_left  100 complete, 101 incomplete, 102 late, ")
-    assert shown[8].startswith("bus       chassis  10 frames, ")
-    assert shown[9].startswith("bus       radars   down, 20 frames, ")
+    assert shown[7].startswith("radar     front_left  100 complete, 101 incomplete, 102 late, ")
+    assert shown[9].startswith("bus       chassis  10 frames, ")
+    assert shown[10].startswith("bus       radars   down, 20 frames, ")
     assert "7 dropped frames" in shown[-1]
 
 

@@ -8,7 +8,7 @@ import signal
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
@@ -20,18 +20,22 @@ import numpy as np
 
 from echogrid.config import Config, load_config
 from echogrid.core.mapper import MapUpdate
-from echogrid.core.odometry import EgoState
-from echogrid.core.tiled_map import LogOdds
 from echogrid.core.watch import State
 from echogrid.errors import EchogridError
+from echogrid.io.announcer import Announcer, Snapshot, Snapshots
 from echogrid.io.bus import LiveBus
-from echogrid.io.diagnostics import diagnostics
+from echogrid.io.foxglove import Foxglove
 from echogrid.io.frame_queue import FrameQueue
-from echogrid.io.map_keeper import MapKeeper
+from echogrid.io.map_reader import MapReader
+from echogrid.io.mcap_recorder import McapRecorder
 from echogrid.io.metrics import Metrics
 from echogrid.io.motion import MotionReader
 from echogrid.io.publisher import Publisher
+from echogrid.io.region import Regions
 from echogrid.io.systemd import Notifier
+from echogrid.io.tile_keeper import TileKeeper
+from echogrid.io.tile_store import SUFFIX
+from echogrid.io.topics import Message, Sink
 from echogrid.pipeline import Pipeline
 
 log = logging.getLogger("echogrid")
@@ -41,25 +45,33 @@ WAIT = 0.1  # s: a thread looks this often whether it is to end
 MOST_LAG = 1.0  # s behind the buses, beyond which the newest map is old
 TURNING = 1.0  # s within which the mapping has to come round for the watchdog
 LATENCIES = 512  # of the newest map updates
-KEPT_CELLS = 1024  # of the map around the car that is kept on disk: 240 m
 RELOADABLE = ("rate_hz", "window_cells")  # keys of [publish] that a running service takes over
 
 
 class Service:
     """One thread per bus receives, the caller's thread maps, one thread publishes; none waits for another.
 
-    `add` takes each message to the pipeline; a recorder may stand in for it. `stop` ends the service at its next look; `reload` is called
-    from a signal's handler.
+    `add` takes each message to the pipeline; a recorder may stand in for it. `record`: an MCAP file of the frames and of what is published.
+    `foxglove`: host and port of a live view. `stop` ends the service at its next look; `reload` is called from a signal's handler.
     """
 
-    def __init__(self, pipeline: Pipeline, add: Callable[[str, can.Message], MapUpdate | None] | None = None) -> None:
+    def __init__(
+        self,
+        pipeline: Pipeline,
+        add: Callable[[str, can.Message], MapUpdate | None] | None = None,
+        *,
+        record: Path | None = None,
+        foxglove: tuple[str, int] | None = None,
+    ) -> None:
         self.pipeline = pipeline
         self.config = pipeline.config
         self.add = add or pipeline.add
         self.stop = threading.Event()
         self.live = threading.Event()  # all buses are open and the publisher is up
         self.queue = FrameQueue(QUEUE_FRAMES, self._is_motion)
+        self.snapshots = Snapshots()
         self.outbox = _Outbox()
+        self.sinks: list[Sink] = []  # of what is published
         self.notifier = Notifier()
         self.buses: list[LiveBus] = []
         self.failure: Exception | None = None
@@ -70,15 +82,23 @@ class Service:
         self.rates = _Rates()
         self.told: State | None = None  # the state that the journal knows, and since when
         self.told_at = time.monotonic()
-        self.keeper = MapKeeper(os.environ.get("STATE_DIRECTORY"), pipeline.config.grid.cell)
+        self.map_lock = threading.Lock()  # held by the mapping while it changes the map, by others for one tile's copy at a time
+        self.keeper: TileKeeper | None = None
+        self.record = record
+        self.recorder: McapRecorder | None = None
+        self.foxglove = foxglove
 
     def run(self) -> None:
         """Until `stop` is set. Raises EchogridError where a bus or the publisher cannot be opened."""
         with ExitStack() as opened:
-            publisher, metrics = self._open(opened)
+            metrics, regions = self._open(opened)
             workers = [threading.Thread(target=self._receive, args=(bus,), name=bus.bus.name) for bus in self.buses]
-            workers.append(threading.Thread(target=self._publish, args=(publisher, metrics), name="publisher"))
-            workers.append(threading.Thread(target=self.keeper.run, args=(self.stop,), name="keeper"))
+            workers.append(threading.Thread(target=self._publish, args=(metrics,), name="publisher"))
+            workers.append(threading.Thread(target=self._beside, args=(regions.run,), name="regions"))
+            if self.keeper is not None:
+                workers.append(threading.Thread(target=self._beside, args=(self.keeper.run,), name="keeper"))
+            if self.recorder is not None:
+                workers.append(threading.Thread(target=self._beside, args=(self.recorder.run,), name="recorder"))
             for worker in workers:
                 worker.start()
             self.live.set()
@@ -93,21 +113,34 @@ class Service:
                 self.stop.set()
                 for worker in workers:
                     worker.join()
-                self._keep_last()
         if self.failure is not None:
             raise self.failure
 
-    def _open(self, opened: ExitStack) -> tuple[Publisher, Metrics]:
+    def _open(self, opened: ExitStack) -> tuple[Metrics, Regions]:
         """Everything that leads outside; what is wrong names the configuration's file."""
         try:
-            publisher = opened.enter_context(Publisher(self.config.publish, self.config.vehicle))
+            path = store_path(self.config)
+            if path is not None:
+                self.keeper = opened.enter_context(self.pipeline.keep(path, time.time_ns(), self.map_lock))
+            publisher = opened.enter_context(Publisher(self.config.publish, self.config.vehicle, self.config.ros))
+            self.sinks.append(publisher)
+            reader = MapReader(self.pipeline.mapper, self.map_lock, self.keeper)
+            regions = Regions(publisher, self.config.grid.cell, reader)
             metrics = opened.enter_context(Metrics(self.config.metrics, self.config.vehicle))
             for bus in self.config.bus:
                 self.buses.append(LiveBus(bus, self.pipeline.signals.ids(bus.name)))
                 opened.callback(self.buses[-1].close)
         except EchogridError as error:
             raise EchogridError(f"{self.pipeline.signals.source}: {error}") from error
-        return publisher, metrics
+        if self.foxglove is not None:
+            view = opened.enter_context(Foxglove(*self.foxglove, self.config.vehicle))
+            self.sinks.append(view)
+            log.info("live for Foxglove on ws://%s:%d", self.foxglove[0], view.port)
+        if self.record is not None:
+            self.recorder = McapRecorder(self.record)
+            opened.callback(self.recorder.close)
+            self.sinks.append(self.recorder)
+        return metrics, regions
 
     def state(self) -> State:
         """Of the map, now. The traffic's own time goes on by the monotonic clock, so that no step of another one matters."""
@@ -131,9 +164,9 @@ class Service:
             "latency_ms": {"p50": p50, "p99": p99},
             "dropped_frames": self.queue.dropped,
             "dropped_motion": self.queue.dropped_motion,
-            "maps_kept": self.keeper.written,
-            "maps_not_kept": self.keeper.failed,
-            "rss_mib": _resident_mib(),
+            "store": None if self.keeper is None else asdict(self.keeper.status),
+            "recording": None if self.recorder is None else asdict(self.recorder.recording),
+            "rss_mib": resident_mib(),
             **asdict(self.pipeline.health),
         }
 
@@ -147,32 +180,31 @@ class Service:
         self.config = config
 
     def _map(self) -> None:
-        published_ns: int | None = None
         while not self.stop.is_set():
             self.turned_at = time.monotonic()
             item = self.queue.get(timeout=WAIT)
             if item is None:
                 continue
             bus, message, received_at = item
-            update = self.add(bus, message)
-            self.mapped_at = time.monotonic()
-            self.lag = self.mapped_at - received_at
-            if update is None:
-                continue
-            self.latencies.append(time.monotonic() - received_at)
-            period_ns = round(1e9 / self.config.publish.rate_hz)
-            if published_ns is None or not 0 <= update.ego.stamp_ns - published_ns < period_ns:
-                published_ns = update.ego.stamp_ns
-                around = self.pipeline.mapper.map.around(update.ego.odom_from_base, self.config.publish.window_cells)
-                self.outbox.put(update.ego, *around)
-            if self.keeper.due():
-                self.keeper.take(*self.pipeline.mapper.map.around(update.ego.odom_from_base, KEPT_CELLS))
+            if self.recorder is not None:
+                self.recorder.frame(bus, message)
+            with self.map_lock:
+                update = self.add(bus, message)
+                self.mapped_at = time.monotonic()
+                self.lag = self.mapped_at - received_at
+                if update is None:
+                    continue
+                self.latencies.append(time.monotonic() - received_at)
+                snapshot = self.snapshots.take(self.pipeline.mapper, update, self.config.publish)
+            if snapshot is not None:
+                self.outbox.put(snapshot)
 
-    def _keep_last(self) -> None:
-        last = self.pipeline.mapper.odometry.states
-        if self.keeper.path is not None and last:
-            self.keeper.take(*self.pipeline.mapper.map.around(last[-1].odom_from_base, KEPT_CELLS))
-            self.keeper.run(self.stop)  # its thread has ended: writes what was just taken, and returns
+    def _beside(self, run: Callable[[threading.Event], None]) -> None:
+        try:
+            run(self.stop)
+        except Exception as error:  # no fault of a disk or of whoever asks, which they survive
+            self.failure = error
+            self.stop.set()
 
     def _receive(self, bus: LiveBus) -> None:
         try:
@@ -184,23 +216,21 @@ class Service:
             self.failure = error
             self.stop.set()
 
-    def _publish(self, publisher: Publisher, metrics: Metrics) -> None:
-        """Grids as they come, status once a second. A subscriber that is slow costs nothing but its own grids."""
+    def _publish(self, metrics: Metrics) -> None:
+        """The map as it comes, status once a second. A subscriber that is slow costs nothing but its own messages."""
+        announcer = Announcer(self.config, self.pipeline.model.why)
 
         def tell(status: dict[str, Any]) -> None:
-            publisher.status(status)
-            publisher.diagnostics(diagnostics(status, self.config.vehicle, time.time_ns()))
+            self._send(announcer.status(status, time.time_ns()))
             metrics.update(status)
 
         status_due = time.monotonic()
-        cell = self.config.grid.cell
         try:
+            self._send((announcer.meta(time.time_ns()),))
             while not self.stop.is_set():
-                newest = self.outbox.get(timeout=WAIT)
-                if newest is not None:
-                    ego, row, column, log_odds = newest
-                    publisher.grid(ego.stamp_ns, row, column, cell, log_odds)
-                    publisher.odometry(ego)
+                snapshot = self.outbox.get(timeout=WAIT)
+                if snapshot is not None:
+                    self._send(announcer.map(snapshot))
                     self.notifier.alive()
                 if time.monotonic() >= status_due:
                     status = self.status()
@@ -211,6 +241,16 @@ class Service:
         except Exception as error:  # whatever Zenoh raises: the service must not go on unseen
             self.failure = error
             self.stop.set()
+
+    def _send(self, messages: Iterable[Message]) -> None:
+        """To all sinks; one that can take no more is told of and left out."""
+        for message in messages:
+            for sink in tuple(self.sinks):
+                try:
+                    sink.put(message)
+                except EchogridError as error:
+                    self.sinks.remove(sink)
+                    log.error(f"{error}; going on without it")  # each is told
 
     def _tell_systemd(self, status: dict[str, Any]) -> None:
         """The journal of a change of state, the manager of the rates. Its watchdog is fed by maps that went out; where none had to,
@@ -233,19 +273,19 @@ class Service:
 
 
 class _Outbox:
-    """Room for one map window: a newer one replaces it."""
+    """Room for one snapshot: a newer one replaces it."""
 
     def __init__(self) -> None:
-        self._newest: tuple[EgoState, int, int, LogOdds] | None = None
+        self._newest: Snapshot | None = None
         self._filled = threading.Condition()
 
-    def put(self, ego: EgoState, row: int, column: int, log_odds: LogOdds) -> None:
+    def put(self, snapshot: Snapshot) -> None:
         with self._filled:
-            self._newest = (ego, row, column, log_odds)
+            self._newest = snapshot
             self._filled.notify()
 
-    def get(self, timeout: float) -> tuple[EgoState, int, int, LogOdds] | None:
-        """The newest window, once; None after `timeout` seconds."""
+    def get(self, timeout: float) -> Snapshot | None:
+        """The newest snapshot, once; None after `timeout` seconds."""
         with self._filled:
             if self._newest is None:
                 self._filled.wait(timeout)
@@ -269,15 +309,28 @@ class _Rates:
         return rates
 
 
-def _resident_mib() -> float:
+def store_path(config: Config) -> Path | None:
+    """Where the map is kept; None where it is not."""
+    if config.store.path is not None:
+        return Path(config.store.path)
+    folder = os.environ.get("STATE_DIRECTORY")
+    return None if folder is None else Path(folder) / f"map{SUFFIX}"
+
+
+def resident_mib() -> float:
     """Memory of this process that is in RAM."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / (1 << 20)
 
 
-def run(config_path: Path, model: str | None = None) -> None:
-    """`echogrid run`: until SIGTERM or SIGINT; SIGHUP reads the configuration again. Raises EchogridError."""
-    service = Service(Pipeline(load_config(config_path, model), config_path))
+def run(config_path: Path, model: str | None = None, record: Path | None = None, foxglove: tuple[str, int] | None = None) -> None:
+    """`echogrid run`: until SIGTERM or SIGINT; SIGHUP reads the configuration again. Raises EchogridError.
+
+    `record`: an MCAP file, or a folder, where it is named by the time of the start; `foxglove`: host and port of a live view.
+    """
+    if record is not None and record.is_dir():
+        record /= time.strftime("%Y%m%dT%H%M%SZ.mcap", time.gmtime())
+    service = Service(Pipeline(load_config(config_path, model), config_path), record=record, foxglove=foxglove)
 
     def reload() -> None:  # in the mapping's thread, between two frames
         service.notifier.reloading()

@@ -1,10 +1,13 @@
-"""The command line: `echogrid run | status | replay | check | demo`."""
+"""The command line: `echogrid run | status | replay | check | map | demo`."""
 
 from __future__ import annotations
 
 import argparse
+import json
 import logging
+import shutil
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +19,7 @@ from echogrid import __version__
 from echogrid.config import Publish
 from echogrid.errors import EchogridError
 from echogrid.io import journal
+from echogrid.io.foxglove import LOOPBACK, PORT
 
 
 def main() -> None:
@@ -46,6 +50,20 @@ def _parser() -> argparse.ArgumentParser:
 
     run = commands.add_parser("run", help="the service: live CAN buses in, the map on Zenoh out")
     run.add_argument("-c", "--config", type=Path, required=True)
+    run.add_argument(
+        "--record",
+        type=Path,
+        metavar="FILE.mcap",
+        help="frames and all that is published, into a new file; in a folder it is named by the time",
+    )
+    run.add_argument(
+        "--foxglove",
+        type=_address,
+        nargs="?",
+        const=(LOOPBACK, PORT),
+        metavar="[HOST:]PORT",
+        help="a live view for Foxglove (default: 127.0.0.1:8765)",
+    )
     run.set_defaults(command=_run)
 
     status = commands.add_parser(
@@ -63,16 +81,24 @@ def _parser() -> argparse.ArgumentParser:
     status.set_defaults(command=_status)
 
     replay = commands.add_parser("replay", help="a recording through the same chain, into files")
-    replay.add_argument("drive", type=Path, metavar="DRIVE_OR_LOG", help="a drive folder, or a log: .log .blf .asc .trc .csv .db .mf4")
+    replay.add_argument(
+        "drive", type=Path, metavar="DRIVE_OR_LOG", help="a drive folder, or a log: .log .blf .asc .trc .csv .db .mf4 .mcap"
+    )
     replay.add_argument("-c", "--config", type=Path, help="default: the drive folder's echogrid.toml")
     replay.add_argument("--out", type=Path, default=Path("out/replay"), help="folder for map, trajectory and summary (default: out/replay)")
     replay.add_argument("--realtime", action="store_true", help="at the bus's pace instead of as fast as it goes")
+    replay.add_argument(
+        "--record", type=Path, metavar="FILE.mcap", help="frames and all that is published of them, into a new file as well"
+    )
+    replay.add_argument("--store", type=Path, metavar="FILE.egmap", help="the map's tiles into this file as well, as a new epoch of it")
     replay.set_defaults(command=_replay)
 
     check = commands.add_parser("check", help="a configuration, and what a recording is worth to it")
     check.add_argument("log", type=Path, nargs="?", metavar="LOG")
     check.add_argument("-c", "--config", type=Path, required=True)
     check.set_defaults(command=_check)
+
+    _map_parsers(commands.add_parser("map", help="stored maps: look, convert, merge").add_subparsers(required=True, metavar="COMMAND"))
 
     demo = commands.add_parser("demo", help="the shipped drive: over a CAN bus, through the service, over Zenoh, to a subscriber")
     demo.add_argument("--out", type=Path, default=Path("out/demo"))
@@ -82,10 +108,60 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _map_parsers(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    info = commands.add_parser("info", help="what a stored map holds")
+    info.add_argument("file", type=Path, metavar="FILE.egmap")
+    info.add_argument("--json", action="store_true", help="one JSON object")
+    info.set_defaults(command=_map_info)
+
+    show = commands.add_parser("show", help="a map in the terminal, or as a picture")
+    show.add_argument("file", type=Path, metavar="FILE", help=".egmap, .npz, or the .yaml of a map_server map")
+    show.add_argument("--out", type=Path, metavar="PICTURE.png", help="with a scale, at most 1600 pixels along a side")
+    show.set_defaults(command=_map_show)
+
+    export = commands.add_parser("export", help="a stored map in other formats, or one epoch as a store of its own")
+    export.add_argument("file", type=Path, metavar="FILE.egmap")
+    export.add_argument("out", type=Path, metavar="OUT", help=".yaml (map_server, with its picture), .png, .npz or .egmap")
+    export.add_argument("--format", choices=("ros", "png", "npz", "egmap"), help="default: by the suffix of OUT")
+    export.add_argument("--mode", choices=("trinary", "scale", "raw"), help="of map_server (default: trinary)")
+    export.add_argument("--bbox", metavar="X0,Y0,X1,Y1", help="this part alone, m; write --bbox=… where it begins with a minus")
+    export.set_defaults(command=_map_export)
+
+    importing = commands.add_parser("import", help="a map of another format as a store")
+    importing.add_argument("file", type=Path, metavar="IN", help=".npz, or the .yaml of a map_server map")
+    importing.add_argument("out", type=Path, metavar="OUT.egmap")
+    importing.add_argument("--vehicle", default="imported", help="whose map it is (default: %(default)s)")
+    importing.set_defaults(command=_map_import)
+
+    merge = commands.add_parser(
+        "merge", help="maps of several drives into one", fromfile_prefix_chars="@", epilog="@LIST.txt stands for the lines of a file."
+    )
+    merge.add_argument("out", type=Path, metavar="OUT.egmap")
+    merge.add_argument(
+        "maps", nargs="+", metavar="FILE.egmap[@EPOCH][:X,Y,YAW_DEG]", help="where its origin lies in the merged map, m and degrees"
+    )
+    merge.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster whose workers find the files under the same paths")
+    merge.set_defaults(command=_map_merge)
+
+    for command in (show, export):
+        command.add_argument("--epoch", type=int, help="default: the newest")
+    for command in (show, export, importing, merge):
+        command.add_argument("--force", action="store_true", help="replace an output that is there already")
+
+
+def _address(text: str) -> tuple[str, int]:
+    """Host and port; on this machine alone unless another host is written out."""
+    host, colon, port = text.rpartition(":")
+    host = host.removeprefix("[").removesuffix("]")
+    if not port.isdecimal() or int(port) > 65535 or bool(colon) != bool(host):
+        raise argparse.ArgumentTypeError(f"'{text}' is no address, expected PORT or HOST:PORT")
+    return host or LOOPBACK, int(port)
+
+
 def _run(arguments: argparse.Namespace) -> None:
     from echogrid.app import run  # Zenoh is loaded only where it is used
 
-    run(arguments.config, arguments.model)
+    run(arguments.config, arguments.model, arguments.record, arguments.foxglove)
 
 
 def _status(arguments: argparse.Namespace) -> None:
@@ -113,7 +189,15 @@ def _replay(arguments: argparse.Namespace) -> None:
 
     drive = find_drive(arguments.drive, arguments.config)
     with _progress(f"replay {arguments.drive.name}") as advance:
-        summary = replay(drive, arguments.out, realtime=arguments.realtime, model=arguments.model, on_progress=advance)
+        summary = replay(
+            drive,
+            arguments.out,
+            realtime=arguments.realtime,
+            model=arguments.model,
+            record=arguments.record,
+            store=arguments.store,
+            on_progress=advance,
+        )
     _report(summary, arguments.out)
 
 
@@ -147,6 +231,50 @@ def _demo(arguments: argparse.Namespace) -> None:
     _report(summary, arguments.out)
     print(f"what the subscriber in the other process received: {arguments.out / 'received.png'}")
     print(f"detections, analytic map, this map and truth side by side: {arguments.out / 'side_by_side.png'}")
+
+
+def _map_info(arguments: argparse.Namespace) -> None:
+    from echogrid.maps.info import info, lines
+
+    with _progress(f"reading {arguments.file.name}") as advance:
+        document = info(arguments.file, advance)
+    print(json.dumps(document) if arguments.json else "\n".join(lines(document, time.time())))
+
+
+def _map_show(arguments: argparse.Namespace) -> None:
+    from echogrid.io.picture import text
+    from echogrid.maps.show import show
+
+    with _progress(f"reading {arguments.file.name}") as advance:
+        seen = show(arguments.file, epoch=arguments.epoch, out=arguments.out, force=arguments.force, on_progress=advance)
+    print(text(seen, columns=shutil.get_terminal_size((100, 0)).columns))
+
+
+def _map_export(arguments: argparse.Namespace) -> None:
+    from echogrid.maps.export import export, parse_box
+
+    box = None if arguments.bbox is None else parse_box(arguments.bbox)
+    options = {"epoch": arguments.epoch, "form": arguments.format, "mode": arguments.mode, "box": box, "force": arguments.force}
+    with _progress(f"export to {arguments.out.name}") as advance:
+        sentence = export(arguments.file, arguments.out, **options, on_progress=advance)
+    print(sentence)
+
+
+def _map_import(arguments: argparse.Namespace) -> None:
+    from echogrid.maps.importing import import_map
+
+    with _progress(f"import of {arguments.file.name}") as advance:
+        sentence = import_map(arguments.file, arguments.out, vehicle=arguments.vehicle, force=arguments.force, on_progress=advance)
+    print(sentence)
+
+
+def _map_merge(arguments: argparse.Namespace) -> None:
+    from echogrid.maps.merge import Input, merge
+
+    inputs = [Input.parse(text) for text in arguments.maps]
+    with _progress(f"merge into {arguments.out.name}") as advance:
+        sentence = merge(inputs, arguments.out, scheduler=arguments.scheduler, force=arguments.force, on_progress=advance)
+    print(sentence)
 
 
 def _report(summary: dict[str, Any], out: Path) -> None:

@@ -17,11 +17,27 @@ from zenoh.handlers import RingChannel
 
 from echogrid.errors import EchogridError
 from echogrid.io import cdr
-from echogrid.io.cdr import DiagnosticArray, Grid
+from echogrid.io.cdr import DiagnosticArray, Points
 from echogrid.io.credentials import Credentials
-from echogrid.io.publisher import ALIVE_KEY, DIAGNOSTICS_KEY, EXAMPLE, GRID_KEY, ODOMETRY_KEY, STATUS_KEY, key, reason, session_config
+from echogrid.io.fleet import decompress
+from echogrid.io.follower import Follower, KeyName, MapName, Window
+from echogrid.io.publisher import EXAMPLE, key, reason, session_config
+from echogrid.io.topics import (
+    ALIVE,
+    DETECTIONS,
+    DIAGNOSTICS,
+    FLEET,
+    FULL,
+    KEY,
+    META,
+    ODOMETRY,
+    REGION,
+    STATUS,
+    UPDATE,
+    Topic,
+)
 
-__all__ = ["Client", "Credentials", "DiagnosticArray", "Grid", "Pose"]
+__all__ = ["Client", "Credentials", "DiagnosticArray", "MapName", "Points", "Pose", "Window"]
 
 POLL = 0.005  # s: a channel waits without a time-out, so it is looked at; 200 looks a second cost about 1 % of a core
 
@@ -56,7 +72,8 @@ class Client:
         self.vehicle = vehicle
         self.endpoint = endpoint
         self.malformed = 0
-        self._subscribers: dict[str, Subscriber] = {}
+        self._subscribers: dict[Topic, Subscriber] = {}
+        self._follower = Follower()
         if credentials is not None:
             credentials.check()
         self._open = ExitStack()
@@ -76,56 +93,136 @@ class Client:
         """Ends the session. A second time does nothing."""
         self._open.close()
 
-    def grid(self, timeout: float = 1.0) -> Grid | None:
-        """The map around the car. The last one there was comes at once, also where it was sent before this client came."""
-        return self._newest(GRID_KEY, cdr.decode_grid, timeout)
+    def grid(self, timeout: float = 1.0) -> Window | None:
+        """The map around the car, sent whole. The last one there was comes at once, also where it was sent before this client came."""
+        return self._newest(FULL, _window, timeout)
+
+    def follow(self, timeout: float = 1.0) -> Window | None:
+        """The same, put together from key frames and updates, which is less than half of the traffic. Its origin moves in steps, so that
+        the car is not quite in its middle. Comes only whole: what was lost shows in the next, or within a second."""
+        return self._wait(self._followed_next, timeout)
+
+    def fleet(self, timeout: float = 2.0) -> Window | None:
+        """The map around the car for slow links: a probability of 0, 25, 50, 75 or 100 percent, about once a second."""
+        return self._newest(FLEET, _packed_window, timeout)
+
+    def region(self, box: tuple[float, float, float, float], epoch: int | None = None, timeout: float = 5.0) -> Window | None:
+        """Any part of the map: the cells that x0, y0, x1, y1 (m, odom) touch, of the map that is being made or of an older `epoch`.
+        Its stamp is when the newest of its cells was last in view, to the second. None where nobody answers in time; raises
+        EchogridError with the service's own sentence where it refuses."""
+        parameters = f"bbox={','.join(map(repr, map(float, box)))};fmt=zstd" + ("" if epoch is None else f";epoch={epoch}")
+        for reply in self._session.get(f"{key(self.vehicle, REGION)}?{parameters}", timeout=timeout):
+            try:
+                if reply.ok is not None:
+                    return _packed_window(reply.ok)
+                refusal = _json(bytes(reply.err.payload)) if reply.err is not None else {}
+            except ValueError:  # Zenoh's own word for a time-out is no JSON
+                self.malformed += reply.ok is not None
+                continue
+            raise EchogridError(f"vehicle '{self.vehicle}': {refusal.get('error')}")
+        return None
 
     def odometry(self, timeout: float = 1.0) -> Pose | None:
         """The car's motion."""
-        return self._newest(ODOMETRY_KEY, _pose, timeout)
+        return self._newest(ODOMETRY, _pose, timeout)
+
+    def detections(self, timeout: float = 1.0) -> Points | None:
+        """The radars' static detections that the newest update of the map was made of, in base."""
+        return self._newest(DETECTIONS, lambda sample: cdr.decode_points(bytes(sample.payload)), timeout)
 
     def status(self, timeout: float = 2.0) -> dict[str, Any] | None:
         """The service's state; it is sent about once a second."""
-        return self._newest(STATUS_KEY, _json, timeout)
+        return self._newest(STATUS, _object, timeout)
+
+    def meta(self, timeout: float = 2.0) -> dict[str, Any] | None:
+        """What does not change while the service runs: version, model, grid, radars. Comes at once, and again from another run of it."""
+        return self._newest(META, _object, timeout)
 
     def diagnostics(self, timeout: float = 2.0) -> DiagnosticArray | None:
         """The status as ROS knows it: a level and a message for the service, each radar, each bus and the motion. About once a second."""
-        return self._newest(DIAGNOSTICS_KEY, cdr.decode_diagnostics, timeout)
+        return self._newest(DIAGNOSTICS, lambda sample: cdr.decode_diagnostics(bytes(sample.payload)), timeout)
 
     def alive(self) -> bool:
         """Whether the vehicle's service is running and connected, as far as anyone knows within a second."""
-        tokens = self._session.liveliness().get(key(self.vehicle, ALIVE_KEY), timeout=1.0)
+        tokens = self._session.liveliness().get(key(self.vehicle, ALIVE), timeout=1.0)
         return any(reply.ok is not None for reply in tokens)
 
-    def _newest(self, name: str, decode: Callable[[bytes], T], timeout: float) -> T | None:
-        deadline = time.monotonic() + timeout
-        subscriber = self._subscribers.get(name)
-        if subscriber is None:
-            subscriber = self._subscribers[name] = self._subscribe(name)
-        while True:
-            sample = subscriber.try_recv()
-            if sample is not None:
-                try:
-                    return decode(bytes(sample.payload))
-                except ValueError:
-                    self.malformed += 1
-            left = deadline - time.monotonic()
-            if left <= 0:
-                return None
-            time.sleep(min(POLL, left))
+    def _newest(self, topic: Topic, decode: Callable[[zenoh.Sample], T], timeout: float) -> T | None:
+        return self._wait(lambda: self._next(topic, decode), timeout)
 
-    def _subscribe(self, name: str) -> Subscriber:
+    def _next(self, topic: Topic, decode: Callable[[zenoh.Sample], T]) -> T | None:
+        """What came since the last time, if anything did."""
+        subscriber = self._subscribers.get(topic)
+        if subscriber is None:
+            subscriber = self._subscribers[topic] = self._subscribe(topic)
+        while (sample := subscriber.try_recv()) is not None:
+            try:
+                return decode(sample)
+            except ValueError:
+                self.malformed += 1
+        return None
+
+    def _followed_next(self) -> Window | None:
+        news = [self._next(topic, take) for topic, take in ((KEY, self._take_key), (UPDATE, self._take_update))]
+        try:
+            return self._follower.window() if any(news) else None
+        except ValueError:
+            self.malformed += 1
+            return None
+
+    def _take_key(self, sample: zenoh.Sample) -> bool:
+        grid, name = cdr.decode_grid(bytes(sample.payload)), _key_name(sample)
+        self._follower.key(name, grid)
+        return True
+
+    def _take_update(self, sample: zenoh.Sample) -> bool:
+        update, name = cdr.decode_update(bytes(sample.payload)), _key_name(sample)
+        self._follower.update(name, update)
+        return True
+
+    def _wait(self, look: Callable[[], T | None], timeout: float) -> T | None:
+        """What `look` finds, at the latest after `timeout` seconds."""
+        deadline = time.monotonic() + timeout
+        while (found := look()) is None and (left := deadline - time.monotonic()) > 0:
+            time.sleep(min(POLL, left))
+        return found
+
+    def _subscribe(self, topic: Topic) -> Subscriber:
         """A subscription that keeps the newest sample only."""
         # Channels, no callbacks: a program that ends without `close` hangs for ever on a callback's thread.
-        if name != GRID_KEY:
-            return self._session.declare_subscriber(key(self.vehicle, name), RingChannel(1))
+        name = key(self.vehicle, topic.name)
+        if not topic.kept:
+            return self._session.declare_subscriber(name, RingChannel(1))
         # Without recovery: waiting for a map that was missed would hold back the newer ones.
         history = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1)
-        return zenoh.ext.declare_advanced_subscriber(self._session, key(self.vehicle, name), RingChannel(1), history=history)
+        return zenoh.ext.declare_advanced_subscriber(self._session, name, RingChannel(1), history=history)
 
 
-def _pose(payload: bytes) -> Pose:
-    odometry = cdr.decode_odometry(payload)
+def _key_name(sample: zenoh.Sample) -> KeyName:
+    if sample.attachment is None:
+        raise ValueError("a grid without an attachment is of no known map")
+    _, _, source, epoch, number = cdr.decode_grid_attachment(bytes(sample.attachment))
+    return KeyName(MapName(source, epoch), number)
+
+
+def _window(sample: zenoh.Sample) -> Window:
+    return _named(cdr.decode_grid(bytes(sample.payload)), sample)
+
+
+def _packed_window(sample: zenoh.Sample) -> Window:
+    return _named(cdr.decode_grid(decompress(bytes(sample.payload))), sample)
+
+
+def _named(grid: cdr.Grid, sample: zenoh.Sample) -> Window:
+    return Window(grid.stamp_ns, grid.frame, grid.cell, grid.origin, grid.occupancy, _key_name(sample).map)
+
+
+def _object(sample: zenoh.Sample) -> dict[str, Any]:
+    return _json(bytes(sample.payload))
+
+
+def _pose(sample: zenoh.Sample) -> Pose:
+    odometry = cdr.decode_odometry(bytes(sample.payload))
     pose = odometry.pose
     return Pose(odometry.stamp_ns, pose.x, pose.y, pose.yaw, odometry.speed, odometry.yaw_rate)
 
@@ -134,4 +231,4 @@ def _json(payload: bytes) -> dict[str, Any]:
     try:
         return msgspec.json.decode(payload, type=dict[str, Any])
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise ValueError(f"the status is no JSON object: {error}") from error
+        raise ValueError(f"no JSON object: {error}") from error

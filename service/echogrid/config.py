@@ -13,10 +13,13 @@ import msgspec
 from msgspec import Meta
 
 from echogrid.core.inverse_sensor_model import BeamModel
+from echogrid.core.look_map import LookMap
 from echogrid.core.mount import Mount
+from echogrid.core.occupancy import OccupancyMap
 from echogrid.core.raster import GridSpec
 from echogrid.core.se2 import SE2
 from echogrid.core.static_gate import GateNoise
+from echogrid.core.tile import MOST_RADARS, most_tiles_along, tile_bytes
 from echogrid.errors import EchogridError
 from echogrid.io.credentials import Credentials
 from echogrid.io.toml import Table, load
@@ -50,6 +53,11 @@ class Bus(Table, frozen=True):
         200  # of the kernel, SocketCAN only; net.core.rmem_max is 208 KiB unless raised
     )
     log_channel: str | int | None = None
+
+    @property
+    def logged_as(self) -> str | int:
+        """What a recording calls its channel."""
+        return self.channel if self.log_channel is None else self.log_channel
 
 
 class Motion(Table, frozen=True):
@@ -120,7 +128,20 @@ class Map(Table, frozen=True):
     max_age_ms: Positive = 200.0  # older scans are late
     fusion: Literal["sum", "looks"] | None = None  # None: as the model's file says; the analytic model knows only "sum"
     clamp: Positive = 3.5
-    max_tiles: Annotated[int, Meta(ge=16)] = 1024
+    max_tiles: Annotated[int, Meta(ge=16)] = 1024  # in memory
+    max_mib: Annotated[int, Meta(ge=8)] = 256  # of them
+
+    def tiles(self, layers: int) -> int:
+        """Of so many layers that are kept in memory: the smaller bound wins."""
+        return min(self.max_tiles, (self.max_mib << 20) // tile_bytes(layers))
+
+
+class Store(Table, frozen=True):
+    """The map on disk."""
+
+    path: str | None = None  # None: map.egmap in systemd's StateDirectory, where there is one
+    flush_s: Annotated[float, Meta(ge=0.1, le=3600)] = 5.0
+    max_mib: Annotated[int, Meta(ge=16)] = 1024
 
 
 class Tls(Table, frozen=True):
@@ -144,6 +165,15 @@ class Publish(Table, frozen=True):
     plaintext: bool = False  # endpoints may leave this machine without TLS
     window_cells: Annotated[int, Meta(ge=16, le=4096)] = 256
     rate_hz: Positive = 10.0
+    fleet_hz: NotNegative = 1.0  # of the stream for slow links; 0: none
+
+
+class Ros(Table, frozen=True):
+    """Under which names ROS 2 nodes with rmw_zenoh see the topics; "jazzy" stands for all distributions since Iron."""
+
+    distro: Literal["jazzy", "humble", "off"] = "jazzy"
+    domain: Annotated[int, Meta(ge=0, le=232)] = 0  # ROS_DOMAIN_ID
+    namespace: Annotated[str, Meta(pattern="^(/|(/[A-Za-z_][A-Za-z0-9_]*)+)$")] = "/echogrid"
 
 
 class Metrics(Table, frozen=True):
@@ -175,7 +205,9 @@ class Config(Table, frozen=True):
     gate: Gate = Gate()
     sensor_model: SensorModel = SensorModel()
     map: Map = Map()
+    store: Store = Store()
     publish: Publish = Publish()
+    ros: Ros = Ros()
     metrics: Metrics = Metrics()
 
 
@@ -192,6 +224,9 @@ def load_config(path: Path, model: str | None = None) -> Config:
         files = {name: str(path.parent / getattr(config.publish.tls, name)) for name in ("ca", "certificate", "key")}
         tls = msgspec.structs.replace(config.publish.tls, **files)
         config = msgspec.structs.replace(config, publish=msgspec.structs.replace(config.publish, tls=tls))
+    if config.store.path is not None:
+        store = msgspec.structs.replace(config.store, path=str(path.parent / config.store.path))
+        config = msgspec.structs.replace(config, store=store)
     problem = next(_problems(config), None)
     if problem is not None:
         raise EchogridError(f"{path}: {problem}")
@@ -207,6 +242,8 @@ def _problems(config: Config) -> Iterator[str]:
         for index, name in enumerate(names):
             if name in names[:index]:
                 yield f"{key}[{index}].name: '{name}' is taken already"
+    if len(config.radar) > MOST_RADARS:
+        yield f"radar: {len(config.radar)} are configured, expected at most {MOST_RADARS}: the map keeps a bit for each"
     known = ", ".join(buses)
     if config.motion.bus not in buses:
         yield f"motion.bus: no [[bus]] is named '{config.motion.bus}', found {known}"
@@ -216,6 +253,12 @@ def _problems(config: Config) -> Iterator[str]:
         yield f"model_sha256: given for '{config.model}', expected beside the path of an .onnx file: shipped files are checked anyway"
     if config.model == "analytic" and config.map.fusion == "looks":
         yield "map.fusion: 'looks' found, expected 'sum' for the analytic model: its answers are independent, a network's are not"
+    summed = config.model == "analytic" or config.map.fusion == "sum"
+    layers = OccupancyMap.layers if summed else LookMap.layers
+    room, window = config.map.tiles(layers), most_tiles_along(config.publish.window_cells) ** 2
+    if window > room:
+        cells = config.publish.window_cells
+        yield f"publish.window_cells: {cells} found, whose {window} tiles have no room in map.max_tiles and map.max_mib, which hold {room}"
     if config.metrics.listen is not None and config.metrics.address() is None:
         yield f"metrics.listen: '{config.metrics.listen}' found, expected an address and a port such as '127.0.0.1:9464'"
     file = config.metrics.file

@@ -20,7 +20,7 @@ import msgspec
 import numpy as np
 
 from echogrid.app import Service
-from echogrid.client import Client, Grid
+from echogrid.client import Client, Window
 from echogrid.config import Config, load_config
 from echogrid.core.occupancy import OccupancyMap
 from echogrid.core.raster import rasterize
@@ -163,7 +163,7 @@ def watch(endpoint: str, vehicle: str, out: Path) -> None:
             time.sleep(0.05)
         sys.stdout.write("connected\n")
         sys.stdout.flush()
-        grids: list[Grid] = []
+        grids: list[Window] = []
         while True:
             grid = client.grid(timeout=0.5)
             if grid is not None:
@@ -175,10 +175,10 @@ def watch(endpoint: str, vehicle: str, out: Path) -> None:
         draw(log_odds, origin, grids[0].cell, np.empty((0, 2))).save(out / "received.png")
 
 
-def merge(grids: list[Grid]) -> tuple[tuple[float, float], LogOdds]:
-    """Windows of one map put together, newer over older: (x, y) of the corner of cell [0, 0], log-odds."""
-    cell = grids[0].cell
-    places = [(round(grid.origin[1] / cell), round(grid.origin[0] / cell), grid) for grid in grids]
+def merge(grids: list[Window]) -> tuple[tuple[float, float], LogOdds]:
+    """Windows put together, newer over older, those of the newest map alone: (x, y) of the corner of cell [0, 0], log-odds."""
+    cell = grids[-1].cell
+    places = [(round(grid.origin[1] / cell), round(grid.origin[0] / cell), grid) for grid in grids if grid.map == grids[-1].map]
     top, left = min(row for row, _, _ in places), min(column for _, column, _ in places)
     bottom = max(row + grid.occupancy.shape[0] for row, _, grid in places)
     right = max(column + grid.occupancy.shape[1] for _, column, grid in places)

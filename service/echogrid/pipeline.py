@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +22,8 @@ from echogrid.core.tiled_map import TiledMap
 from echogrid.core.watch import State
 from echogrid.errors import EchogridError
 from echogrid.io.signals import SignalReader
+from echogrid.io.stored_map import describe
+from echogrid.io.tile_keeper import TileKeeper
 
 
 class Pipeline:
@@ -54,6 +57,14 @@ class Pipeline:
             return None
         return self.mapper.update(self.signals.newest_ns)
 
+    def keep(self, path: Path, begun_ns: int, lock: threading.Lock) -> TileKeeper:
+        """To be called before the first message: tiles are kept in a file, and epochs count on from those in it. Raises EchogridError."""
+        radars = tuple(radar.name for radar in self.config.radar)
+        description = describe(self.mapper.map, self.config.vehicle, radars, begun_ns)
+        keeper = TileKeeper(path, self.config.store, self.mapper.map, description, lock)
+        self.mapper.keep(keeper, keeper.epoch)
+        return keeper
+
     def state(self, silence_ns: int) -> State:
         """Of the map, `silence_ns` after the newest frame was taken in."""
         newest_ns = self.signals.newest_ns
@@ -86,8 +97,7 @@ def sensor_model(config: Config, source: Path) -> SensorModel:
 def _analytic(config: Config, why: str) -> SensorModel:
     spec = config.grid.spec()
     model = _geometry(config)
-    occupancy = OccupancyMap(spec, config.map.clamp, config.map.max_tiles)
-    return SensorModel(lambda around: model(rasterize(around.now.points, spec)), occupancy, why)
+    return SensorModel(lambda around: model(rasterize(around.now.points, spec)), _sum(config), why)
 
 
 def _network(config: Config, source: Path) -> SensorModel:
@@ -104,12 +114,17 @@ def _network(config: Config, source: Path) -> SensorModel:
             log_odds, weight = network(around)
             return np.asarray(log_odds * weight)
 
-        return SensorModel(summed, OccupancyMap(spec, config.map.clamp, config.map.max_tiles), choice.why)
+        return SensorModel(summed, _sum(config), choice.why)
 
     def averaged(around: Surroundings) -> Image:
         return np.stack((*network(around), geometry(rasterize(around.now.points, spec))))
 
-    return SensorModel(averaged, LookMap(spec, network.contract.calibration, config.map.clamp, config.map.max_tiles), choice.why)
+    looks = LookMap(spec, network.contract.calibration, config.map.clamp, config.map.tiles(LookMap.layers))
+    return SensorModel(averaged, looks, choice.why)
+
+
+def _sum(config: Config) -> OccupancyMap:
+    return OccupancyMap(config.grid.spec(), config.map.clamp, config.map.tiles(OccupancyMap.layers))
 
 
 def _geometry(config: Config) -> AnalyticSensorModel:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import resource
+import threading
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,7 +23,9 @@ from echogrid.io.drive import Drive, Truth, load_truth
 from echogrid.io.log import Log
 from echogrid.io.map_files import write_map
 from echogrid.io.signals import bus_of
+from echogrid.io.tile_keeper import TileKeeper
 from echogrid.pipeline import Pipeline
+from echogrid.recording import ReplayRecording
 
 TRAJECTORY_STEP_NS = 20_000_000
 
@@ -121,9 +125,13 @@ def replay(
     *,
     realtime: bool = False,
     model: str | None = None,
+    record: Path | None = None,
+    store: Path | None = None,
     on_progress: Callable[[float], None] | None = None,
 ) -> dict[str, Any]:
     """Runs a recording through the chain and writes its files into `out`; returns the summary.
+
+    `record`: an MCAP file of it as well. `store`: the map's tiles into this file as well, which may hold others' already.
 
     A torn recording is mapped up to where it tears; what was read is written, then EchogridError is raised. A recording with no id
     that the configuration knows is refused with an EchogridError, and nothing is written.
@@ -135,26 +143,46 @@ def replay(
     recorder = Recorder(pipeline)
     torn: EchogridError | None = None
     found: set[int] = set()  # ids, for the sentence about a log of another car
-    try:
-        for message in log:
-            bus = bus_of(message, config.bus)
-            if realtime:
-                _wait(message.timestamp, recorder)
-            recorder.add(bus or "", message)
-            if len(found) < 8:
-                found.add(message.arbitration_id)
-            if on_progress is not None and log.messages % 256 == 0:
-                on_progress(log.progress)
-    except EchogridError as error:
-        if not log.messages:
-            raise
-        torn = error
-    if pipeline.health.unknown_frames == pipeline.health.frames - pipeline.health.bad_frames:
-        raise torn or EchogridError(_nothing_known(drive, pipeline, found))
-    summary = recorder.write(out, truth)
+    with ExitStack() as opened:
+        recording = None if record is None else opened.enter_context(ReplayRecording(record, pipeline))
+        keeper: TileKeeper | None = None
+        try:
+            for message in log:
+                bus = bus_of(message, config.bus)
+                if store is not None and keeper is None:
+                    keeper = opened.enter_context(pipeline.keep(store, round(message.timestamp * 1e9), threading.Lock()))
+                if realtime:
+                    _wait(message.timestamp, recorder)
+                update = recorder.add(bus or "", message)
+                if recording is not None:
+                    recording.add(bus or str(message.channel), message, update)
+                if keeper is not None and keeper.due():
+                    _flush(keeper)
+                if len(found) < 8:
+                    found.add(message.arbitration_id)
+                if on_progress is not None and log.messages % 256 == 0:
+                    on_progress(log.progress)
+        except EchogridError as error:
+            torn = error
+        if pipeline.health.unknown_frames == pipeline.health.frames - pipeline.health.bad_frames:
+            if recording is not None:
+                recording.discard()
+            raise torn or EchogridError(_nothing_known(drive, pipeline, found))
+        if keeper is not None and torn is None:
+            _flush(keeper)  # before it is read as a whole, so that none has to wait
+        summary = recorder.write(out, truth)
+        if keeper is not None and torn is None:
+            _flush(keeper)
     if torn is not None:
         raise EchogridError(f"{torn}; the map up to there is in {out}")
     return summary
+
+
+def _flush(keeper: TileKeeper) -> None:
+    """Nobody waits for the mapping here: a disk that cannot be written ends it."""
+    keeper.flush()
+    if keeper.status.state != "ok":
+        raise EchogridError(keeper.status.reason)
 
 
 def _wait(timestamp: float, recorder: Recorder) -> None:

@@ -27,9 +27,11 @@ from echogrid.core.health import SensorHealth
 from echogrid.core.history import Surroundings
 from echogrid.core.history_raster import HistoryRaster
 from echogrid.core.look_map import Calibration, LookMap
+from echogrid.core.mapper import in_view
 from echogrid.core.occupancy import OccupancyMap
 from echogrid.core.raster import Image
 from echogrid.core.se2 import SE2
+from echogrid.core.tiled_map import View
 from echogrid.io.dbc import Dbc
 from echogrid.io.decode import BatchDecoder, stack
 from echogrid.io.drive import find_drive
@@ -142,6 +144,7 @@ def models() -> dict[str, float]:
     pipeline = Pipeline(config, drive.config)
     spec, mounts, infer = config.grid.spec(), pipeline.mapper.mounts, pipeline.mapper.infer
     raster, total, looks = HistoryRaster(spec, mounts), OccupancyMap(spec), LookMap(spec, Calibration())
+    view = View(0, np.bitwise_or.reduce(list(in_view(mounts, spec).values())))
     networks = [OnnxSensorModel(path, spec, mounts) for name in SHIPPED for path in shipped(name) if path.exists()]
     times: dict[str, list[float]] = {}
     seen: list[tuple[Surroundings, Image]] = []
@@ -157,8 +160,8 @@ def models() -> dict[str, float]:
         works = {
             "rasterise the last 15 m": partial(raster, around),
             **{f"network {model.path.stem}": partial(model.answer, model.draw(around)) for model in networks},
-            "integrate, sum": partial(total.integrate, said, pose),
-            "integrate, looks": partial(looks.integrate, np.stack((said, said, said)), pose),
+            "integrate, sum": partial(total.integrate, said, pose, view),
+            "integrate, looks": partial(looks.integrate, np.stack((said, said, said)), pose, view),
             "window to publish, sum": partial(total.around, pose, config.publish.window_cells),
             "window to publish, looks": partial(looks.around, pose, config.publish.window_cells),
         }

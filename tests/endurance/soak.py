@@ -8,6 +8,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from echogrid.app import Service
 from echogrid.config import load_config
 from echogrid.demo import AHEAD_FRAMES, on_virtual_buses, senders
@@ -16,6 +18,7 @@ from tests.endurance.chart import Curve, chart
 from tests.endurance.loop import EndlessDrive
 
 SAMPLE = 5.0  # s
+MIB = 64  # of tiles in memory: filled within the warm-up
 COUNTED = ("cycles", "lost_frames", "motion_dropped", "dropped_frames", "dropped_motion", "bad_frames", "epoch")
 
 
@@ -23,6 +26,12 @@ def soak(drive: Path, out: Path, minutes: float, model: str | None = None) -> di
     """Writes soak.json and soak.svg into `out`; returns the summary."""
     source = drive / "echogrid.toml"
     config = on_virtual_buses(load_config(source, model))
+    out.mkdir(parents=True, exist_ok=True)
+    path = out / "soak.egmap"
+    for old in out.glob(f"{path.name}*"):
+        old.unlink()
+    bounds = msgspec.structs.replace(config.map, max_mib=MIB)
+    config = msgspec.structs.replace(config, map=bounds, store=msgspec.structs.replace(config.store, path=str(path)))
     service = Service(Pipeline(config, source))
     endless = EndlessDrive(drive / "can.log.gz", config, source)
     samples: list[dict[str, float]] = []
@@ -36,7 +45,6 @@ def soak(drive: Path, out: Path, minutes: float, model: str | None = None) -> di
     for worker in workers:
         worker.join()
     summary = summarise(samples, endless.lap_s)
-    out.mkdir(parents=True, exist_ok=True)
     (out / "soak.json").write_text(json.dumps({"summary": summary, "samples": samples}, indent=1) + "\n")
     (out / "soak.svg").write_text(draw(samples))
     return summary
@@ -73,7 +81,8 @@ def draw(samples: list[dict[str, float]]) -> str:
         Curve("resident memory, MiB", [sample["rss_mib"] for sample in samples]),
         Curve("from the receipt of a cycle's last frame to its map, ms, median of 512 updates", [s["latency_p50_ms"] for s in samples]),
         Curve("the same, 99th percentile", [sample["latency_p99_ms"] for sample in samples]),
-        Curve("tiles in the map", [sample["tiles"] for sample in samples]),
+        Curve("tiles in memory", [sample["tiles"] for sample in samples]),
+        Curve("map on the disk, MiB", [sample["stored_mib"] for sample in samples]),
         Curve(
             "ego motion lost, frames", [sample["lost_frames"] + sample["motion_dropped"] + sample["dropped_motion"] for sample in samples]
         ),
@@ -118,6 +127,7 @@ def _sample(service: Service, samples: list[dict[str, float]], seconds: float) -
                 "tiles": len(mapper.map.tiles),
                 "gaps": mapper.odometry.gaps,
                 "not_ok": not_ok,
+                "stored_mib": status["store"]["mib"],
                 **{key: status[key] for key in COUNTED},
             }
         )

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import math
+import re
 import struct
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from echogrid.core.se2 import SE2
 from echogrid.io import cdr
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
+UPDATE = "std_msgs/Header header\nint32 x\nint32 y\nuint32 width\nuint32 height\nint8[] data"  # no part of rosbags' own
+STORE.register(get_types_from_msg(UPDATE, "map_msgs/msg/OccupancyGridUpdate"))
 ROS = STORE.types
 
 FRAMES = ("", "m", "ab", "map", "odom", "base_link", "straße/über")
@@ -22,15 +27,16 @@ NUMBERS = st.floats(-1e7, 1e7)
 NAMES = st.text(st.characters(exclude_characters="\0", exclude_categories=("Cs",)), max_size=20)
 STAMPS = st.integers(-(2**31) * cdr.SECOND, 2**31 * cdr.SECOND - 1)
 COVARIANCES = st.lists(NUMBERS, min_size=36, max_size=36).map(lambda values: np.array(values).reshape(6, 6))
+CELLS = st.tuples(st.integers(0, 9), st.integers(0, 9), st.integers(0, 2**32 - 1)).map(
+    lambda shape: np.random.default_rng(shape[2]).integers(-1, 101, shape[:2], dtype=np.int8)
+)
 GRIDS = st.builds(
     cdr.Grid,
     stamp_ns=STAMPS,
     frame=NAMES,
     cell=st.floats(2**-10, 100, width=32),
     origin=st.tuples(NUMBERS, NUMBERS),
-    occupancy=st.tuples(st.integers(0, 9), st.integers(0, 9), st.integers(0, 2**32 - 1)).map(
-        lambda shape: np.random.default_rng(shape[2]).integers(-1, 101, shape[:2], dtype=np.int8)
-    ),
+    occupancy=CELLS,
 )
 DIAGNOSTICS = st.builds(
     cdr.DiagnosticArray,
@@ -51,6 +57,16 @@ ODOMETRIES = st.builds(
     yaw_rate=NUMBERS,
     pose_covariance=COVARIANCES,
     twist_covariance=COVARIANCES,
+)
+
+
+UPDATES = st.builds(cdr.GridUpdate, STAMPS, NAMES, st.integers(0, 2**31 - 1), st.integers(0, 2**31 - 1), CELLS)
+TRANSFORMS = st.lists(st.builds(cdr.Transform, STAMPS, NAMES, NAMES, st.builds(SE2, NUMBERS, NUMBERS, st.floats(-50, 50))), max_size=4)
+POINTS = st.builds(
+    cdr.Points,
+    STAMPS,
+    NAMES,
+    st.lists(st.tuples(*[st.floats(-1e7, 1e7, width=32)] * 3), max_size=9).map(lambda rows: np.array(rows, np.float32).reshape(-1, 3)),
 )
 
 
@@ -88,6 +104,40 @@ def _ros_odometry(odometry: cdr.Odometry) -> object:
             pose=_ros_pose(pose.x, pose.y, math.sin(half), math.cos(half)), covariance=odometry.pose_covariance.ravel()
         ),
         twist=ROS["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=odometry.twist_covariance.ravel()),
+    )
+
+
+def _ros_update(update: cdr.GridUpdate) -> object:
+    height, width = update.occupancy.shape
+    header = _ros_header(update.stamp_ns, update.frame)
+    return ROS["map_msgs/msg/OccupancyGridUpdate"](header, update.x, update.y, width, height, update.occupancy.ravel())
+
+
+def _ros_transforms(transforms: Sequence[cdr.Transform]) -> object:
+    vector, quaternion = ROS["geometry_msgs/msg/Vector3"], ROS["geometry_msgs/msg/Quaternion"]
+    stamped = []
+    for transform in transforms:
+        pose, half = transform.pose, transform.pose.yaw / 2
+        place = ROS["geometry_msgs/msg/Transform"](vector(pose.x, pose.y, 0.0), quaternion(0.0, 0.0, math.sin(half), math.cos(half)))
+        header = _ros_header(transform.stamp_ns, transform.frame)
+        stamped.append(ROS["geometry_msgs/msg/TransformStamped"](header, transform.child_frame, place))
+    return ROS["tf2_msgs/msg/TFMessage"](stamped)
+
+
+def _ros_points(points: cdr.Points) -> object:
+    float32 = ROS["sensor_msgs/msg/PointField"].FLOAT32
+    fields = [ROS["sensor_msgs/msg/PointField"](name, offset, float32, 1) for name, offset in (("x", 0), ("y", 4), ("z", 8))]
+    data = np.frombuffer(points.points.tobytes(), dtype=np.uint8)
+    return ROS["sensor_msgs/msg/PointCloud2"](
+        header=_ros_header(points.stamp_ns, points.frame),
+        height=1,
+        width=len(points.points),
+        fields=fields,
+        is_bigendian=False,
+        point_step=12,
+        row_step=len(data),
+        data=data,
+        is_dense=True,
     )
 
 
@@ -134,6 +184,35 @@ def test_grid_is_what_rosbags_writes(frame: str, shape: tuple[int, int]) -> None
 def test_odometry_is_what_rosbags_writes(frame: str, child_frame: str) -> None:
     odometry = _odometry(frame, child_frame)
     assert cdr.encode_odometry(odometry) == bytes(STORE.serialize_cdr(_ros_odometry(odometry), "nav_msgs/msg/Odometry"))
+
+
+@given(UPDATES)
+def test_update_is_what_rosbags_writes_and_comes_back(update: cdr.GridUpdate) -> None:
+    payload = cdr.encode_update(update)
+    assert payload == bytes(STORE.serialize_cdr(_ros_update(update), "map_msgs/msg/OccupancyGridUpdate"))
+    back = cdr.decode_update(payload)
+    assert (back.stamp_ns, back.frame, back.x, back.y) == (update.stamp_ns, update.frame, update.x, update.y)
+    np.testing.assert_array_equal(back.occupancy, update.occupancy)
+
+
+@given(TRANSFORMS)
+def test_transforms_are_what_rosbags_writes_and_come_back(transforms: list[cdr.Transform]) -> None:
+    payload = cdr.encode_transforms(transforms)
+    assert payload == bytes(STORE.serialize_cdr(_ros_transforms(transforms), "tf2_msgs/msg/TFMessage"))
+    back = cdr.decode_transforms(payload)
+    for one, other in zip(back, transforms, strict=True):
+        assert (one.stamp_ns, one.frame, one.child_frame) == (other.stamp_ns, other.frame, other.child_frame)
+        assert (one.pose.x, one.pose.y) == (other.pose.x, other.pose.y)
+        assert math.cos(one.pose.yaw - other.pose.yaw) == pytest.approx(1, abs=1e-12)
+
+
+@given(POINTS)
+def test_points_are_what_rosbags_writes_and_come_back(points: cdr.Points) -> None:
+    payload = cdr.encode_points(points)
+    assert payload == bytes(STORE.serialize_cdr(_ros_points(points), "sensor_msgs/msg/PointCloud2"))
+    back = cdr.decode_points(payload)
+    assert (back.stamp_ns, back.frame) == (points.stamp_ns, points.frame)
+    np.testing.assert_array_equal(back.points, points.points)
 
 
 @given(DIAGNOSTICS)
@@ -190,7 +269,15 @@ def test_attachment_round_trip(sequence: int, stamp_ns: int, gid: bytes) -> None
     assert cdr.decode_attachment(attachment) == (sequence, stamp_ns, gid)
 
 
+@given(st.integers(1, 2**63 - 1), STAMPS, st.binary(min_size=16, max_size=16), st.integers(0, 2**32 - 1), st.integers(0, 2**63 - 1))
+def test_attachment_of_a_grid_round_trip(sequence: int, stamp_ns: int, gid: bytes, epoch: int, keyframe: int) -> None:
+    attachment = cdr.encode_attachment(sequence, stamp_ns, gid) + cdr.encode_version(epoch, keyframe)
+    assert len(attachment) == 45
+    assert cdr.decode_grid_attachment(attachment) == (sequence, stamp_ns, gid, epoch, keyframe)
+
+
 def test_attachment_bytes() -> None:
+    assert cdr.encode_version(2, 258).hex() == "02000000" + "0201000000000000"
     expected = "010000000000000000ca9a3b0000000010" + bytes(range(16)).hex()
     assert cdr.encode_attachment(1, 10**9, bytes(range(16))).hex() == expected
 
@@ -201,11 +288,17 @@ def test_probability() -> None:
     np.testing.assert_array_equal(grid.probability, np.array([[np.nan, 0], [0.5, 1]], dtype=np.float32))
 
 
+TRANSFORM = cdr.Transform(1_700_000_000_123_456_789, "odom", "base", SE2(1.5, -2.5, 2.0))
+POINTS_OF_TWO = cdr.Points(7, "base", np.arange(6, dtype=np.float32).reshape(2, 3))
 DECODERS = (
+    pytest.param(cdr.encode_update(cdr.GridUpdate(5, "odom", 3, 4, _grid().occupancy)), cdr.decode_update, id="update"),
+    pytest.param(cdr.encode_transforms((TRANSFORM, TRANSFORM)), cdr.decode_transforms, id="transforms"),
+    pytest.param(cdr.encode_points(POINTS_OF_TWO), cdr.decode_points, id="points"),
     pytest.param(cdr.encode_grid(_grid()), cdr.decode_grid, id="grid"),
     pytest.param(cdr.encode_odometry(_odometry()), cdr.decode_odometry, id="odometry"),
     pytest.param(cdr.encode_diagnostics(_diagnostics()), cdr.decode_diagnostics, id="diagnostics"),
     pytest.param(cdr.encode_attachment(1, 2, bytes(16)), cdr.decode_attachment, id="attachment"),
+    pytest.param(cdr.encode_attachment(1, 2, bytes(16)) + cdr.encode_version(3, 4), cdr.decode_grid_attachment, id="attachment of a grid"),
 )
 
 
@@ -276,6 +369,70 @@ def test_a_grid_of_no_rows_and_billions_of_columns_costs_nothing() -> None:
     assert cdr.decode_grid(payload).occupancy.size == 0
 
 
+# For the frame "odom": x 20, y 24, width 28, height 32, count 36, data 40.
+@pytest.mark.parametrize(
+    ("at", "layout", "values", "message"),
+    [
+        (20, "<i", (-1,), "outside its grid"),
+        (24, "<i", (-(2**31),), "outside its grid"),
+        (28, "<II", (2**32 - 1, 2**32 - 1), "says it has 12"),
+        (28, "<II", (3, 3), "says it has 12"),
+        (36, "<I", (2**32 - 1,), "says it has 4294967295 and brings 12"),
+        (40, "<b", (-2,), "outside -1"),
+        (40, "<b", (101,), "outside -1"),
+    ],
+)
+def test_an_update_that_cannot_be_is_refused(at: int, layout: str, values: tuple[float, ...], message: str) -> None:
+    payload = cdr.encode_update(cdr.GridUpdate(5, "odom", 3, 4, _grid().occupancy))
+    with pytest.raises(ValueError, match=message):
+        cdr.decode_update(_patched(payload, at, layout, *values))
+
+
+# For the frames "odom" and "base": count 0, stamp 4, frame's length 12, child's length 24, translation 40, rotation 64.
+@pytest.mark.parametrize(
+    ("at", "layout", "values", "message"),
+    [
+        (0, "<I", (0,), "are left over"),
+        (0, "<I", (2**32 - 1,), "message ends"),
+        (40, "<d", (math.nan,), "nowhere"),
+        (48, "<d", (math.inf,), "nowhere"),
+        (56, "<d", (1.0,), "leaves the plane"),
+        (64, "<d", (0.5,), "no turn"),
+        (80, "<dd", (0.0, 0.0), "no turn"),
+        (88, "<d", (math.nan,), "no turn"),
+    ],
+)
+def test_transforms_that_cannot_be_are_refused(at: int, layout: str, values: tuple[float, ...], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        cdr.decode_transforms(_patched(cdr.encode_transforms((TRANSFORM,)), at, layout, *values))
+
+
+# For the frame "base": height 20, width 24, fields 28, 32 ("x": length, name, offset 40, datatype 44, count 48) ..., 92 is_bigendian,
+# point_step 96, row_step 100, size 104, data 108, is_dense 132.
+@pytest.mark.parametrize(
+    ("at", "layout", "values", "message"),
+    [
+        (20, "<I", (2,), "not laid out"),
+        (24, "<I", (3,), "3 points say"),
+        (24, "<I", (2**32 - 1,), "4294967295 points say"),
+        (28, "<I", (2,), "not laid out"),
+        (28, "<I", (2**32 - 1,), "message ends|name of|not laid out"),
+        (40, "<I", (4,), "not laid out"),
+        (44, "<B", (8,), "not laid out"),
+        (48, "<I", (2,), "not laid out"),
+        (92, "<B", (1,), "not laid out"),
+        (96, "<I", (16,), "not laid out"),
+        (100, "<I", (12,), "bytes and bring"),
+        (104, "<I", (2**32 - 1,), "bytes and bring"),
+        (108, "<f", (math.nan,), "no number"),
+        (132, "<B", (0,), "bytes and bring"),
+    ],
+)
+def test_points_that_cannot_be_are_refused(at: int, layout: str, values: tuple[float, ...], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        cdr.decode_points(_patched(cdr.encode_points(POINTS_OF_TWO), at, layout, *values))
+
+
 # For the frames "odom" and "base": child's length 20, child 24, padding, position 32, orientation 56, covariance 88.
 @pytest.mark.parametrize(
     ("at", "values", "message"),
@@ -323,3 +480,15 @@ def test_what_does_not_fit_into_a_message_is_refused() -> None:
         cdr.encode_grid(cdr.Grid(0, "od\0m", 1.0, (0.0, 0.0), occupancy))
     with pytest.raises(ValueError, match="gid of 3 bytes"):
         cdr.encode_attachment(1, 0, b"abc")
+
+
+def test_the_bytes_in_the_document_are_ours() -> None:
+    """Whoever writes a client by them reads what we send."""
+    document = (Path(__file__).parents[2] / "docs" / "interface.md").read_text()
+    lines = re.findall(r"^    ([0-9a-f]{4})  ((?:[0-9a-f]{2} {1,2})*[0-9a-f]{2})(?: {2,}|$)", document, re.MULTILINE)
+    second = next(n for n, (at, _) in enumerate(lines) if n and at == "0000")
+    update, attachment = (bytes.fromhex("".join(data for _, data in part)) for part in (lines[:second], lines[second:]))
+    stamp_ns, gid = 1_700_000_000_123_456_789, bytes(range(0xA0, 0xB0))
+    assert update == cdr.encode_update(cdr.GridUpdate(stamp_ns, "odom", 3, 4, np.array([[97, -1, 50]], np.int8)))
+    assert attachment == cdr.encode_attachment(7, stamp_ns, gid) + cdr.encode_version(2, 41)
+    assert [int(at, 16) for at, _ in lines[:second]] == [0, 4, 12, 21, 24, 32, 40]

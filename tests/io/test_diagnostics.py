@@ -18,7 +18,7 @@ from echogrid.io.diagnostics import diagnostics
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 OK, WARN, ERROR, STALE = range(4)  # diagnostic_msgs/msg/DiagnosticStatus
-PARTS = ["service", "motion", "radar front_left", "radar rear_right", "bus chassis", "bus radars"]
+PARTS = ["service", "motion", "store", "radar front_left", "radar rear_right", "bus chassis", "bus radars"]
 
 
 def read(of: dict[str, Any]) -> dict[str, Any]:
@@ -33,7 +33,7 @@ def read(of: dict[str, Any]) -> dict[str, Any]:
 def test_every_part_is_there_and_knows_what_it_is() -> None:
     parts = read(status())
     assert list(parts) == PARTS
-    assert [part.hardware_id for part in parts.values()] == ["car", "car", "front_left", "rear_right", "chassis", "radars"]
+    assert [part.hardware_id for part in parts.values()] == ["car", "car", "car", "front_left", "rear_right", "chassis", "radars"]
 
 
 @pytest.mark.parametrize(("state", "level"), [("ok", OK), ("degraded", WARN), ("no_motion", ERROR), ("stale", STALE), ("stopped", ERROR)])
@@ -47,11 +47,21 @@ def test_a_reason_is_told_by_the_part_that_it_names() -> None:
     parts = read(status("degraded", *reasons))
     assert {name: (part.level, part.message) for name, part in parts.items() if name != "service"} == {
         "motion": (WARN, "yaw rate: stuck"),
+        "store": (OK, "ok"),
         "radar front_left": (OK, "ok"),
         "radar rear_right": (WARN, "silent for 1.2 s; late"),
         "bus chassis": (WARN, "off"),
         "bus radars": (ERROR, "down"),
     }
+
+
+def test_a_map_that_is_not_kept_is_a_warning_of_its_own() -> None:
+    sent = status()
+    sent["store"] |= {"state": "full", "reason": "a.egmap: database or disk is full"}
+    parts = read(sent)
+    assert (parts["store"].level, parts["store"].message) == (WARN, "full: a.egmap: database or disk is full")
+    assert parts["service"].level == OK
+    assert "store" not in read({**sent, "store": None})
 
 
 def test_without_motion_that_is_an_error() -> None:
@@ -64,6 +74,7 @@ def test_of_an_old_map_no_part_is_called_ok(state: str) -> None:
     parts = read(status(state, "radar front_left: silent for 9.0 s"))
     assert {name: (part.level, part.message) for name, part in parts.items() if name != "service"} == {
         "motion": (STALE, state),
+        "store": (STALE, state),
         "radar front_left": (WARN, "silent for 9.0 s"),
         "radar rear_right": (STALE, state),
         "bus chassis": (STALE, state),

@@ -85,6 +85,8 @@ def test_the_endpoint_shows_the_newest_status(address: str) -> None:
     assert found[sample("echogrid_radar_complete_total", radar="rear_right")] == sent["sensors"]["rear_right"]["complete"]
     assert found[sample("echogrid_bus_overflow_total", bus="radars")] == sent["buses"]["radars"]["overflow"]
     assert (found[sample("echogrid_bus_up", bus="chassis")], found[sample("echogrid_bus_up", bus="radars")]) == (1, 0)
+    assert found[sample("echogrid_store_size_bytes")] == 12.5 * 1024 * 1024
+    assert found[sample("echogrid_store_state", echogrid_store_state="ok")] == 1
     counted = sorted(value for (name, _), value in found.items() if name.endswith("_total"))
     assert counted == sorted(whole_numbers(sent))
     assert all(family.documentation for family in families)

@@ -10,7 +10,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -20,14 +20,17 @@ import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
+from tests import messages
 
-from echogrid.config import Publish
+from echogrid.config import Publish, Ros
 from echogrid.core.health import Health
 from echogrid.core.odometry import EgoState
 from echogrid.core.se2 import SE2
 from echogrid.errors import EchogridError
 from echogrid.io import cdr
-from echogrid.io.publisher import Publisher, occupancy_percent, session_config
+from echogrid.io.announcer import occupancy_percent
+from echogrid.io.publisher import Publisher, session_config
+from echogrid.io.topics import KEY
 
 PATIENCE = 10.0  # s: far beyond what anything here takes
 EGO = EgoState(1_700_000_000_000_000_001, SE2(3.0, -4.0, math.pi / 2), 8.5, -0.125)
@@ -42,7 +45,7 @@ def port() -> int:
 
 
 def publish(port: int) -> Publisher:
-    return Publisher(Publish(listen=(f"tcp/127.0.0.1:{port}",)), "car")
+    return Publisher(Publish(listen=(f"tcp/127.0.0.1:{port}",)), "car", Ros())
 
 
 @contextmanager
@@ -123,7 +126,7 @@ def test_grid_on_the_wire(port: int) -> None:
     log_odds = np.zeros((4, 6), dtype=np.float32)
     log_odds[1, 2] = 3.5
     with publish(port) as publisher, subscribed(port, "echogrid/v1/car/grid/**") as subscriber:
-        sample = receive(subscriber, lambda: publisher.grid(EGO.stamp_ns, -3, 10, 0.5, log_odds))
+        sample = receive(subscriber, lambda: publisher.put(messages.grid(EGO.stamp_ns, -3, 10, 0.5, log_odds)))
         assert str(sample.key_expr) == GRID
         assert str(sample.encoding) == "application/cdr;nav_msgs/msg/OccupancyGrid"
         assert sample.congestion_control == zenoh.CongestionControl.BLOCK_FIRST
@@ -137,7 +140,7 @@ def test_grid_on_the_wire(port: int) -> None:
 
 def test_odometry_on_the_wire(port: int) -> None:
     with publish(port) as publisher, subscribed(port, ODOMETRY) as subscriber:
-        sample = receive(subscriber, lambda: publisher.odometry(EGO))
+        sample = receive(subscriber, lambda: publisher.put(messages.odometry(EGO)))
         assert str(sample.encoding) == "application/cdr;nav_msgs/msg/Odometry"
         message = get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr(bytes(sample.payload), "nav_msgs/msg/Odometry")
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1_700_000_000, 1)
@@ -151,7 +154,7 @@ def test_odometry_on_the_wire(port: int) -> None:
 
 def test_status_on_the_wire(port: int) -> None:
     with publish(port) as publisher, subscribed(port, STATUS) as subscriber:
-        sample = receive(subscriber, lambda: publisher.status({"health": Health(cycles=3), "state": "running"}))
+        sample = receive(subscriber, lambda: publisher.put(messages.status({"health": Health(cycles=3), "state": "running"})))
         assert str(sample.encoding) == "application/json"
         status = json.loads(bytes(sample.payload))
     assert status["state"] == "running"
@@ -162,7 +165,7 @@ def test_diagnostics_on_the_wire(port: int) -> None:
     part = cdr.DiagnosticStatus(cdr.Level.WARN, "echogrid: radar fl", "silent for 1.2 s", "fl", {"late": "3"})
     array = cdr.DiagnosticArray(EGO.stamp_ns, "", (part,))
     with publish(port) as publisher, subscribed(port, "echogrid/v1/car/diagnostics") as subscriber:
-        sample = receive(subscriber, lambda: publisher.diagnostics(array))
+        sample = receive(subscriber, lambda: publisher.put(messages.diagnostics(array)))
         assert str(sample.encoding) == "application/cdr;diagnostic_msgs/msg/DiagnosticArray"
         assert sample.attachment is not None
         assert cdr.decode_attachment(bytes(sample.attachment))[1] == EGO.stamp_ns
@@ -173,27 +176,53 @@ def test_diagnostics_on_the_wire(port: int) -> None:
     assert [(pair.key, pair.value) for pair in status.values] == [("late", "3")]
 
 
-def test_attachment_counts_and_names_its_source(port: int) -> None:
-    log_odds = np.zeros((2, 2), dtype=np.float32)
-    with publish(port) as publisher, subscribed(port, "echogrid/v1/car/**") as subscriber:
-        receive(subscriber, lambda: publisher.status({}))
-        attachments: dict[str, list[tuple[int, int, bytes]]] = {GRID: [], ODOMETRY: []}
-        for stamp_ns in (7, 8, 9):
-            publisher.grid(stamp_ns, 0, 0, 1.0, log_odds)
-            publisher.odometry(EgoState(stamp_ns, EGO.odom_from_base, 0.0, 0.0))
+def attachments(port: int, keys: str, send: Callable[[Publisher], None], count: int) -> dict[str, list[bytes]]:
+    """Those of `count` samples under keys that a publisher sends, by key."""
+    found: dict[str, list[bytes]] = {}
+    with publish(port) as publisher, zenoh.open(session_config((), (f"tcp/127.0.0.1:{port}",), sends=False)) as session:
+        subscriber = session.declare_subscriber(keys)
+        sign = session.declare_subscriber(STATUS)  # known after the other
+        receive(sign, lambda: publisher.put(messages.status({})))
+        send(publisher)
         deadline = time.monotonic() + PATIENCE
-        while sum(map(len, attachments.values())) < 6 and time.monotonic() < deadline:
+        while sum(map(len, found.values())) < count and time.monotonic() < deadline:
             sample = subscriber.try_recv()
             if sample is None:
                 time.sleep(0.001)
             elif str(sample.key_expr) != STATUS:
-                assert sample.attachment is not None
-                attachments[str(sample.key_expr)].append(cdr.decode_attachment(bytes(sample.attachment)))
-    for received in attachments.values():
-        assert [(sequence, stamp_ns) for sequence, stamp_ns, _ in received] == [(1, 7), (2, 8), (3, 9)]
-    gids = {key: {gid for _, _, gid in received} for key, received in attachments.items()}
-    assert len(gids[GRID]) == len(gids[ODOMETRY]) == 1
-    assert gids[GRID] != gids[ODOMETRY]
+                found.setdefault(str(sample.key_expr), []).append(bytes(sample.attachment))
+    return found
+
+
+def test_attachment_counts_and_names_its_source_and_the_map(port: int) -> None:
+    log_odds = np.zeros((2, 2), dtype=np.float32)
+
+    def send(publisher: Publisher) -> None:
+        for stamp_ns in (7, 8, 9):
+            publisher.put(messages.grid(stamp_ns, 0, 0, 1.0, log_odds, topic=KEY, epoch=2, keyframe=stamp_ns + 1))
+            publisher.put(messages.odometry(EgoState(stamp_ns, EGO.odom_from_base, 0.0, 0.0)))
+
+    found = attachments(port, "echogrid/v1/car/**", send, 6)
+    odometry = [cdr.decode_attachment(attachment) for attachment in found[ODOMETRY]]
+    keyframes = [cdr.decode_grid_attachment(attachment) for attachment in found["echogrid/v1/car/grid/fused/key"]]
+    gid = odometry[0][2]
+    assert odometry == [(1, 7, gid), (2, 8, gid), (3, 9, gid)]
+    assert keyframes == [(1, 7, gid, 2, 8), (2, 8, gid, 2, 9), (3, 9, gid, 2, 10)]
+
+
+def test_to_ros_the_attachment_is_rmw_zenohs_and_of_each_publisher(port: int) -> None:
+    """As long as it must be, and with the id that ROS works out from the publisher's token."""
+    log_odds = np.zeros((2, 2), dtype=np.float32)
+
+    def send(publisher: Publisher) -> None:
+        publisher.put(messages.grid(7, 0, 0, 1.0, log_odds, topic=KEY, epoch=2, keyframe=8))
+        publisher.put(messages.odometry(EgoState(7, EGO.odom_from_base, 0.0, 0.0)))
+
+    found = attachments(port, "0/**", send, 2)
+    assert sorted(key.split("/")[2] for key in found) == ["map", "odom"]
+    told = [cdr.decode_attachment(attachment) for (attachment,) in found.values()]
+    assert [(sequence, stamp_ns) for sequence, stamp_ns, _ in told] == [(1, 7), (1, 7)]
+    assert told[0][2] != told[1][2]
 
 
 def test_listens_on_the_configured_loopback_port_alone(port: int) -> None:
@@ -205,7 +234,7 @@ def test_listens_on_the_configured_loopback_port_alone(port: int) -> None:
 
 def test_without_endpoints_it_opens_no_socket() -> None:
     before = sockets(os.getpid())
-    with Publisher(Publish(listen=()), "car"):
+    with Publisher(Publish(listen=()), "car", Ros()):
         assert sockets(os.getpid()) == before
 
 
@@ -231,13 +260,13 @@ def test_of_several_endpoints_the_busy_one_is_named(port: int) -> None:
         taken.listen()
         busy = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
         with pytest.raises(EchogridError, match=f"^publish.listen: '{busy}' "):
-            Publisher(Publish(listen=(f"tcp/127.0.0.1:{port}", busy)), "car")
+            Publisher(Publish(listen=(f"tcp/127.0.0.1:{port}", busy)), "car", Ros())
 
 
 def test_the_same_endpoint_twice_is_an_error_too(port: int) -> None:
     endpoint = f"tcp/127.0.0.1:{port}"
     with pytest.raises(EchogridError, match=r"^publish: Zenoh cannot be started: .*Address already in use"):
-        Publisher(Publish(listen=(endpoint, endpoint)), "car")
+        Publisher(Publish(listen=(endpoint, endpoint)), "car", Ros())
 
 
 @pytest.mark.parametrize("name", ["listen", "connect"])
@@ -245,7 +274,7 @@ def test_the_same_endpoint_twice_is_an_error_too(port: int) -> None:
 def test_an_endpoint_that_zenoh_refuses_is_one_sentence(name: str, endpoint: str) -> None:
     settings = {"listen": (), "connect": (), name: (endpoint,)}
     with pytest.raises(EchogridError) as caught:
-        Publisher(Publish(**settings), "car")
+        Publisher(Publish(**settings), "car", Ros())
     sentence = str(caught.value)
     assert sentence.startswith(f"publish.{name}: Zenoh refuses '{endpoint}' (")
     assert sentence.endswith("expected an endpoint such as 'tcp/127.0.0.1:7447'")
@@ -256,12 +285,12 @@ def test_an_endpoint_that_zenoh_refuses_is_one_sentence(name: str, endpoint: str
 @pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:99999", "tcp/127.0.0.1", "tls/127.0.0.1:7448", "tcp/192.0.2.1:7447"])
 def test_an_endpoint_that_cannot_be_listened_on_is_one_sentence(endpoint: str) -> None:
     with pytest.raises(EchogridError, match=rf"^publish.listen: Zenoh refuses '{endpoint}' \(.*\), expected an endpoint such as"):
-        Publisher(Publish(listen=(endpoint,)), "car")
+        Publisher(Publish(listen=(endpoint,)), "car", Ros())
 
 
 def test_nobody_to_connect_to_is_no_error(port: int) -> None:
-    with Publisher(Publish(listen=(), connect=(f"tcp/127.0.0.1:{port}",)), "car") as publisher:
-        publisher.odometry(EGO)
+    with Publisher(Publish(listen=(), connect=(f"tcp/127.0.0.1:{port}",)), "car", Ros()) as publisher:
+        publisher.put(messages.odometry(EGO))
 
 
 def test_closing_twice_is_closing_once(port: int) -> None:
@@ -293,14 +322,14 @@ def test_a_frozen_subscriber_delays_nobody(port: int) -> None:
             deadline = time.monotonic() + PATIENCE
             while not frozen.stdout.read():
                 assert time.monotonic() < deadline
-                publisher.grid(0, 0, 0, 0.25, log_odds)
+                publisher.put(messages.grid(0, 0, 0, 0.25, log_odds))
                 time.sleep(0.02)
             frozen.send_signal(signal.SIGSTOP)
             longest, newest = 0.0, 0
             deadline = time.monotonic() + PATIENCE
             for stamp_ns in range(1, 1000):
                 started = time.monotonic()
-                publisher.grid(stamp_ns, 0, 0, 0.25, log_odds)
+                publisher.put(messages.grid(stamp_ns, 0, 0, 0.25, log_odds))
                 longest = max(longest, time.monotonic() - started)
                 while (sample := subscriber.try_recv()) is not None:
                     newest = cdr.decode_grid(bytes(sample.payload)).stamp_ns

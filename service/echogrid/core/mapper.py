@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from echogrid.core.health import Health
 from echogrid.core.history import Detections, History, Looks, Surroundings
@@ -14,9 +15,9 @@ from echogrid.core.motion_watch import Verdict
 from echogrid.core.mount import Mount
 from echogrid.core.odometry import EgoState, Odometry
 from echogrid.core.placed_scan import PlacedScan
-from echogrid.core.raster import Image
+from echogrid.core.raster import GridSpec, Image
 from echogrid.core.static_gate import GateNoise, beside_movers, deviation
-from echogrid.core.tiled_map import TiledMap
+from echogrid.core.tiled_map import Shelf, TiledMap, View
 from echogrid.core.watch import Watch
 
 BACK_NS = 1_000_000_000  # frames of several buses come out of order by less
@@ -64,6 +65,11 @@ class Mapper:
         self.newest_ns: dict[str, int] = {}  # stamp of each sensor's newest scan
         self.cycle_end_ns: int | None = None
         self.epoch = 0  # maps begun before this one
+        self._in_view = in_view(mounts, occupancy.spec)
+
+    def keep(self, shelf: Shelf, epoch: int) -> None:
+        """From the start on: where the map's tiles go that the memory has no room for, and the number that epochs begin with."""
+        self.map.shelf, self.epoch = shelf, epoch
 
     def on_motion(self, motion: EgoMotion) -> None:
         """A sample that cannot be true is left out; one that does not continue those before begins a new map."""
@@ -113,7 +119,8 @@ class Mapper:
         self.health.static_detections += len(static)
         if self.map.takes(ego.odom_from_base):
             self.history.add(static, self._looks(placed, ego), ego.odom_from_base, self.odometry.distance)
-            self.map.integrate(self.infer(self.history.surroundings(ego.odom_from_base, self._live(ego.stamp_ns))), ego.odom_from_base)
+            said = self.infer(self.history.surroundings(ego.odom_from_base, self._live(ego.stamp_ns)))
+            self.map.integrate(said, ego.odom_from_base, self._view(placed, ego.stamp_ns))
             self.health.tiles_forgotten = self.map.forgotten
         self.watch.mapped_ns = max(one.scan.received_ns for one in placed)
         return MapUpdate(ego, static.points)
@@ -179,7 +186,17 @@ class Mapper:
         base_from_odom = now.odom_from_base.inverse()
         return Looks.of([one.mount for one in placed], [base_from_odom @ one.ego.odom_from_base for one in placed])
 
+    def _view(self, placed: list[PlacedScan], stamp_ns: int) -> View:
+        """Which radars had which cells in view, as if from where the car is now: within a cycle it goes a few cells at most."""
+        return View(stamp_ns, np.bitwise_or.reduce([self._in_view[one.scan.sensor] for one in placed]))
+
     def _live(self, now_ns: int) -> list[str]:
         """Radars that can be believed, with a scan that is not older than `max_age_ns`."""
         live = [name for name, stamp_ns in self.newest_ns.items() if now_ns - stamp_ns <= self.max_age_ns]
         return [name for name in live if not self.watch.radars[name].doubts]
+
+
+def in_view(mounts: Mapping[str, Mount], spec: GridSpec) -> dict[str, NDArray[np.uint16]]:
+    """For each radar its bit, 1 << i for the i-th one, (H, W) on those cells of the patch whose centre lies in its field of view."""
+    centres = spec.centres()
+    return {name: np.where(mount.sees(centres), 1 << bit, 0).astype(np.uint16) for bit, (name, mount) in enumerate(mounts.items())}

@@ -9,16 +9,17 @@ ASKED = ("declare_subscriber", "query", "declare_liveliness_subscriber", "liveli
 GIVEN = ("put", "delete", "reply", "declare_queryable", "liveliness_token")
 
 
-def access_control(keys: Sequence[str], viewers: Sequence[str] | None) -> dict[str, object]:
-    """Zenoh's access_control: these key expressions may be read, and nothing written, by whoever shows a certificate with one of the common
-    names `viewers`; where that is None, by everyone who can connect."""
-    flows = {"ingress": ASKED, "egress": GIVEN}
+def access_control(asked: Sequence[str], given: Sequence[str], viewers: Sequence[str] | None) -> dict[str, object]:
+    """Zenoh's access_control: the key expressions `given` may be read, and nothing written, by whoever shows a certificate with one of the
+    common names `viewers`; where that is None, by everyone who can connect. Whatever is within `asked` may be asked for."""
+    flows = {"ingress": (ASKED, asked), "egress": (GIVEN, given)}
     subject = {"id": "viewers"} | ({} if viewers is None else {"cert_common_names": list(viewers)})
     return {
         "enabled": True,
         "default_permission": "deny",
         "rules": [
-            {"id": flow, "permission": "allow", "flows": [flow], "messages": said, "key_exprs": list(keys)} for flow, said in flows.items()
+            {"id": flow, "permission": "allow", "flows": [flow], "messages": said, "key_exprs": list(keys)}
+            for flow, (said, keys) in flows.items()
         ],
         "subjects": [subject],
         "policies": [{"rules": list(flows), "subjects": ["viewers"]}],

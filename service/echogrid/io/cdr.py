@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
@@ -28,7 +28,14 @@ _MAP_META_DATA = struct.Struct("<iIfII")  # map_load_time, resolution, width, he
 _ORIGIN = struct.Struct("<7dI")  # position, orientation (x, y, z, w), length of data
 _MOTION = struct.Struct("<85d")  # position, orientation, covariance, linear and angular velocity, covariance
 _LEVEL = struct.Struct("<B")
+_PATCH = struct.Struct("<iiIII")  # x, y, width, height, length of data
+_PLACE = struct.Struct("<7d")  # translation, rotation (x, y, z, w)
+_SHAPE = struct.Struct("<III")  # height, width, number of fields
+_FIELD = struct.Struct("<IBxxxI")  # offset, datatype, count
+_STEPS = struct.Struct("<BxxxIII")  # is_bigendian, point_step, row_step, length of data
+_FLOAT32 = 7  # sensor_msgs/PointField's number for it
 _ATTACHMENT = struct.Struct("<qqB")
+_VERSION = struct.Struct("<Iq")
 
 Covariance = NDArray[np.float64]
 
@@ -65,6 +72,36 @@ class Odometry:
     yaw_rate: float  # rad/s
     pose_covariance: Covariance = field(default_factory=_unknown)  # (6, 6)
     twist_covariance: Covariance = field(default_factory=_unknown)  # (6, 6)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GridUpdate:
+    """map_msgs/OccupancyGridUpdate: cells [i, j] take the places [y + i, x + j] of a grid."""
+
+    stamp_ns: int
+    frame: str
+    x: int  # column of the first cell in the grid
+    y: int  # row
+    occupancy: NDArray[np.int8]  # (H, W) percent, -1 where never seen; (0, 0) where nothing changes
+
+
+@dataclass(frozen=True, slots=True)
+class Transform:
+    """geometry_msgs/TransformStamped on a plane: `pose` of child_frame in frame."""
+
+    stamp_ns: int
+    frame: str
+    child_frame: str
+    pose: SE2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Points:
+    """sensor_msgs/PointCloud2 of x, y and z alone, unordered."""
+
+    stamp_ns: int
+    frame: str
+    points: NDArray[np.float32]  # (N, 3) m, x, y, z in frame
 
 
 class Level(IntEnum):
@@ -118,10 +155,27 @@ def decode_grid(payload: bytes) -> Grid:
         raise ValueError(f"a grid with cells of {cell} m at ({x}, {y}) is nowhere")
     if rest != [0.0, 0.0, 0.0, 0.0, 1.0]:
         raise ValueError("the grid is lifted or turned, expected it in its frame's plane and parallel to its axes")
-    occupancy = np.frombuffer(body[at:], dtype=np.int8).reshape(height, width)
-    if count and (occupancy.min() < -1 or occupancy.max() > 100):
-        raise ValueError("the grid has cells outside -1 ... 100 percent")
-    return Grid(stamp_ns, frame, cell, (x, y), occupancy)
+    return Grid(stamp_ns, frame, cell, (x, y), _cells(body[at:], height, width))
+
+
+def encode_update(update: GridUpdate) -> bytes:
+    """The update as map_msgs/msg/OccupancyGridUpdate."""
+    height, width = update.occupancy.shape
+    patch = _PATCH.pack(update.x, update.y, width, height, height * width)
+    return b"".join((LITTLE_ENDIAN, _header(update.stamp_ns, update.frame), patch, update.occupancy.astype(np.int8, copy=False).tobytes()))
+
+
+def decode_update(payload: bytes) -> GridUpdate:
+    """The update of a map_msgs/msg/OccupancyGridUpdate; its `occupancy` is a read-only view of the payload."""
+    body = _body(payload)
+    stamp_ns, frame, at = _read_header(body)
+    x, y, width, height, count = _read(_PATCH, body, at)
+    at += _PATCH.size
+    if count != len(body) - at or count != width * height:
+        raise ValueError(f"an update of {height} x {width} cells says it has {count} and brings {len(body) - at}")
+    if x < 0 or y < 0:
+        raise ValueError(f"an update of the cells from row {y} and column {x} on lies outside its grid")
+    return GridUpdate(stamp_ns, frame, x, y, _cells(body[at:], height, width))
 
 
 def encode_odometry(odometry: Odometry) -> bytes:
@@ -148,13 +202,75 @@ def decode_odometry(payload: bytes) -> Odometry:
         raise ValueError(f"{len(body) - at - _MOTION.size} bytes are left over behind the odometry")
     if not np.isfinite(numbers).all():
         raise ValueError("the odometry holds something that is no number")
-    x, y, _, roll, pitch, z, w = numbers[:7].tolist()
-    if roll != 0 or pitch != 0 or abs(math.hypot(z, w) - 1) > 1e-6:
-        raise ValueError("the odometry's orientation is no turn about the z axis")
-    pose = SE2(x, y, math.atan2(2 * w * z, w * w - z * z))
+    x, y, _, *turn = numbers[:7].tolist()
+    pose = _pose_of(x, y, *turn)
     pose_covariance, twist_covariance = numbers[7:43].reshape(6, 6), numbers[49:].reshape(6, 6)
     speed, yaw_rate = float(numbers[43]), float(numbers[48])
     return Odometry(stamp_ns, frame, child_frame, pose, speed, yaw_rate, pose_covariance, twist_covariance)
+
+
+def encode_transforms(transforms: Sequence[Transform]) -> bytes:
+    """The transforms as tf2_msgs/msg/TFMessage: z, roll and pitch are 0."""
+    body = _LENGTH.pack(len(transforms))
+    for transform in transforms:
+        pose, half = transform.pose, transform.pose.yaw / 2
+        body = _padded(body, 4) + _header(transform.stamp_ns, transform.frame) + _text(transform.child_frame)
+        body = _padded(body, 8) + _PLACE.pack(pose.x, pose.y, 0.0, 0.0, 0.0, math.sin(half), math.cos(half))
+    return LITTLE_ENDIAN + body
+
+
+def decode_transforms(payload: bytes) -> tuple[Transform, ...]:
+    """The transforms of a tf2_msgs/msg/TFMessage, yaw within (-pi, pi]; what leaves the plane is refused."""
+    body = _body(payload)
+    (count,) = _read(_LENGTH, body, 0)
+    at, transforms = _LENGTH.size, []
+    for _ in range(count):  # however many there should be, the payload's end ends it
+        stamp_ns, frame, at = _read_header(body, _aligned(at, 4))
+        child_frame, at = _read_text(body, at)
+        at = _aligned(at, 8)
+        place = _read(_PLACE, body, at)
+        at += _PLACE.size
+        if place[2] != 0:
+            raise ValueError("the transform leaves the plane")
+        transforms.append(Transform(stamp_ns, frame, child_frame, _pose_of(*place[:2], *place[3:])))
+    if at != len(body):
+        raise ValueError(f"{len(body) - at} bytes are left over behind the transforms")
+    return tuple(transforms)
+
+
+def encode_points(points: Points) -> bytes:
+    """The points as sensor_msgs/msg/PointCloud2: float32 x, y, z, one behind the other, all finite."""
+    count = len(points.points)
+    body = _header(points.stamp_ns, points.frame) + _SHAPE.pack(1, count, 3)
+    for number, name in enumerate("xyz"):
+        body = _padded(body + _text(name), 4) + _FIELD.pack(4 * number, _FLOAT32, 1)
+    body += _STEPS.pack(0, 12, 12 * count, 12 * count)
+    return b"".join((LITTLE_ENDIAN, body, points.points.astype("<f4", copy=False).tobytes(), b"\1"))
+
+
+def decode_points(payload: bytes) -> Points:
+    """The points of a sensor_msgs/msg/PointCloud2 that is laid out as `encode_points` does; a read-only view of the payload."""
+    body = _body(payload)
+    stamp_ns, frame, at = _read_header(body)
+    height, width, fields = _read(_SHAPE, body, at)
+    at += _SHAPE.size
+    layout = []
+    for _ in range(min(fields, 4)):
+        name, at = _read_text(body, at)
+        at = _aligned(at, 4)
+        layout.append((name, *_read(_FIELD, body, at)))
+        at += _FIELD.size
+    big_endian, point_step, row_step, size = _read(_STEPS, body, at)
+    at += _STEPS.size
+    expected = [(name, 4 * number, _FLOAT32, 1) for number, name in enumerate("xyz")]
+    if (height, layout, big_endian, point_step) != (1, expected, 0, 12):
+        raise ValueError("the points are not laid out as float32 x, y, z, one behind the other")
+    if size != row_step or size != 12 * width or len(body) != at + size + 1 or body[-1] != 1:
+        raise ValueError(f"{width} points say they have {size} bytes and bring {len(body) - at - 1}")
+    points = np.frombuffer(body[at:-1], dtype="<f4").reshape(-1, 3)
+    if not np.isfinite(points).all():
+        raise ValueError("the points hold something that is no number")
+    return Points(stamp_ns, frame, points)
 
 
 def encode_diagnostics(array: DiagnosticArray) -> bytes:
@@ -189,6 +305,22 @@ def decode_diagnostics(payload: bytes) -> DiagnosticArray:
     return DiagnosticArray(stamp_ns, frame, tuple(status))
 
 
+def _pose_of(x: float, y: float, roll: float, pitch: float, z: float, w: float) -> SE2:
+    """A place and a quaternion as a pose on the plane."""
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise ValueError(f"a pose at ({x}, {y}) is nowhere")
+    if roll != 0 or pitch != 0 or not abs(math.hypot(z, w) - 1) <= 1e-6:
+        raise ValueError("the orientation is no turn about the z axis")
+    return SE2(x, y, math.atan2(2 * w * z, w * w - z * z))
+
+
+def _cells(data: memoryview, height: int, width: int) -> NDArray[np.int8]:
+    occupancy = np.frombuffer(data, dtype=np.int8).reshape(height, width)
+    if occupancy.size and (occupancy.min() < -1 or occupancy.max() > 100):
+        raise ValueError("the grid has cells outside -1 ... 100 percent")
+    return occupancy
+
+
 def encode_attachment(sequence: int, stamp_ns: int, gid: bytes) -> bytes:
     """What rmw_zenoh wants beside every sample: its number (from 1), its source's time and the publisher's 16-byte id. 33 bytes."""
     if len(gid) != GID_SIZE:
@@ -202,6 +334,19 @@ def decode_attachment(attachment: bytes) -> tuple[int, int, bytes]:
         raise ValueError(f"an attachment of {len(attachment)} bytes is not rmw_zenoh's")
     sequence, stamp_ns, _ = _ATTACHMENT.unpack_from(attachment)
     return sequence, stamp_ns, attachment[_ATTACHMENT.size :]
+
+
+def encode_version(epoch: int, keyframe: int) -> bytes:
+    """What follows that beside our own grids: which map, and which key frame it is or was made for. 12 bytes."""
+    return _VERSION.pack(epoch, keyframe)
+
+
+def decode_grid_attachment(attachment: bytes) -> tuple[int, int, bytes, int, int]:
+    """Sequence number, stamp_ns, gid, epoch, key frame."""
+    first = len(attachment) - _VERSION.size
+    if first < 0:
+        raise ValueError(f"an attachment of {len(attachment)} bytes is not that of a grid")
+    return *decode_attachment(attachment[:first]), *_VERSION.unpack_from(attachment, first)
 
 
 def _header(stamp_ns: int, frame: str) -> bytes:
@@ -246,12 +391,12 @@ def _read(layout: struct.Struct, body: memoryview, at: int) -> tuple[Any, ...]:
     return layout.unpack_from(body, at)
 
 
-def _read_header(body: memoryview) -> tuple[int, str, int]:
+def _read_header(body: memoryview, at: int = 0) -> tuple[int, str, int]:
     """Stamp in ns, frame, and where the next 4-byte value begins."""
-    seconds, nanoseconds = _read(_STAMP, body, 0)
+    seconds, nanoseconds = _read(_STAMP, body, at)
     if nanoseconds >= SECOND:
         raise ValueError(f"the stamp has {nanoseconds} ns beside its seconds")
-    frame, at = _read_text(body, _STAMP.size)
+    frame, at = _read_text(body, at + _STAMP.size)
     return seconds * SECOND + nanoseconds, frame, _aligned(at, 4)
 
 

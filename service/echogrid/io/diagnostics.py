@@ -1,4 +1,4 @@
-"""The service's status as ROS's diagnostics: a level, a message and numbers for the service, the motion, each radar and each bus."""
+"""The service's status as ROS's diagnostics: level, message and numbers for the service, motion, the map on disk, radars and buses."""
 
 from __future__ import annotations
 
@@ -15,10 +15,14 @@ MOTION = ("wheel speed", "yaw rate")
 def diagnostics(status: Mapping[str, Any], vehicle: str, stamp_ns: int) -> DiagnosticArray:
     """`status` is what the service publishes under that name, see docs/watching.md; `stamp_ns`: when it was taken, in Unix time."""
     state, reasons = status["state"], status["reasons"]
-    own = {key: value for key, value in status.items() if key not in ("state", "reasons", "sensors", "buses")}
+    own = {key: value for key, value in status.items() if key not in ("state", "reasons", "store", "sensors", "buses")}
     service = DiagnosticStatus(LEVELS[state], f"{PROGRAM}: service", "; ".join((state, *reasons)), vehicle, _texts(own))
     said = [f"{name}: {what}" for name in MOTION for what in about(name, reasons)]
     parts = [_part("motion", vehicle, state, said, Level.ERROR if state == "no_motion" else Level.WARN, {})]
+    store = status.get("store")  # a replay has none
+    if store is not None:
+        said = [] if store["state"] == "ok" else [f"{store['state']}: {store['reason']}"]
+        parts.append(_part("store", vehicle, state, said, Level.WARN, store))
     for name, counters in status["sensors"].items():
         parts.append(_part(f"radar {name}", name, state, about(f"radar {name}", reasons), Level.WARN, counters))
     for name, bus in status["buses"].items():

@@ -10,6 +10,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoM
 
 from echogrid import __version__
 from echogrid.io.diagnostics import LEVELS
+from echogrid.io.tile_store import STATES
 
 Tables = Mapping[tuple[str, ...], Mapping[str, Any]]  # label values -> a part's numbers
 
@@ -59,6 +60,13 @@ def families(status: Mapping[str, Any], vehicle: str, taken_at: float) -> Iterat
     yield _gauge("map_rate", "hertz", "Map updates per second.", vehicle, status["rates"]["map_hz"])
     yield _gauge("frame_rate", "hertz", "CAN frames taken in per second.", vehicle, status["rates"]["frames_hz"])
     yield _gauge("resident_memory", "bytes", "Memory of the service that is in RAM.", vehicle, status["rss_mib"] * 2**20)
+    store = status["store"]
+    if store is not None:
+        kept = StateSetMetricFamily("echogrid_store_state", "State of the map on disk.", labels=["vehicle"])
+        kept.add_metric([vehicle], {name: name == store["state"] for name in STATES})
+        yield kept
+        yield _gauge("store_size", "bytes", "Size of the file that keeps the map.", vehicle, store["mib"] * 2**20)
+        yield from _counters("echogrid_store", ["vehicle"], {(vehicle,): store})
     latency = Metric("echogrid_latency", "From a frame's receipt to its map update.", "summary", "seconds")
     for quantile, key in (("0.5", "p50"), ("0.99", "p99")):
         if status["latency_ms"][key] is not None:  # before the first map

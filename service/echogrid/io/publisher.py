@@ -1,4 +1,4 @@
-"""The map, the car's motion and the service's state out to Zenoh. docs/interface.md is the contract."""
+"""All topics out to Zenoh, for our own clients and for ROS. docs/interface.md is the contract."""
 
 from __future__ import annotations
 
@@ -10,96 +10,54 @@ from contextlib import ExitStack
 from types import TracebackType
 from typing import Self
 
-import msgspec
-import numpy as np
 import zenoh
-import zenoh.ext
-from numpy.typing import NDArray
 
 from echogrid import config
-from echogrid.core.odometry import EgoState
-from echogrid.core.tiled_map import LogOdds
 from echogrid.errors import EchogridError
 from echogrid.io import cdr
 from echogrid.io.access import access_control
 from echogrid.io.credentials import Credentials
+from echogrid.io.fleet import Fleet
+from echogrid.io.ros import RosNode, viewed
+from echogrid.io.stream import Stream
+from echogrid.io.topics import ALIVE, FLEET, FULL, TOPICS, Message
 
-MAP_FRAME, CAR_FRAME = "odom", "base"
-GRID_KEY, ODOMETRY_KEY, STATUS_KEY, DIAGNOSTICS_KEY, ALIVE_KEY = "grid/fused/full", "odom", "status", "diagnostics", "alive/fusion"
 VIEWED = ("**", "**/@adv/**")  # `**` passes over chunks that begin with @, where the last map is asked for
 EXAMPLE = "tcp/127.0.0.1:7447"
 
-GRID_ENCODING = zenoh.Encoding.APPLICATION_CDR.with_schema("nav_msgs/msg/OccupancyGrid")
-ODOMETRY_ENCODING = zenoh.Encoding.APPLICATION_CDR.with_schema("nav_msgs/msg/Odometry")
-DIAGNOSTICS_ENCODING = zenoh.Encoding.APPLICATION_CDR.with_schema("diagnostic_msgs/msg/DiagnosticArray")
-
 
 def key(vehicle: str, name: str) -> str:
-    """The Zenoh key of one of a vehicle's topics, such as GRID_KEY."""
+    """The Zenoh key of one of a vehicle's topics, by its name."""
     return f"echogrid/v1/{vehicle}/{name}"
 
 
-def occupancy_percent(log_odds: LogOdds) -> NDArray[np.int8]:
-    """nav_msgs/OccupancyGrid's cells of log-odds, same shape: round(100 p), -1 where the log-odds are 0: never seen."""
-    # 1 / (1 + exp(-l)) = 1/2 + tanh(l/2) / 2, which takes half the time and can not overflow.
-    percent: NDArray[np.int8] = np.rint(50 + 50 * np.tanh(log_odds / 2)).astype(np.int8)
-    percent[log_odds == 0] = -1
-    return percent
-
-
 class Publisher:
-    """A Zenoh session, open from construction to `close` or the end of `with`; one thread publishes.
+    """A sink that sends each message under its native key and, where ROS knows the topic, under rmw_zenoh's: a Zenoh session, open from
+    construction to `close` or the end of `with`; one thread puts.
 
     Raises EchogridError naming the key in [publish], the endpoint or file and what to do where Zenoh would not take one. No call waits for
     a subscriber: one that is too slow misses messages. Others may read the vehicle's keys over this session, and write nothing.
     """
 
-    def __init__(self, settings: config.Publish, vehicle: str) -> None:
+    def __init__(self, settings: config.Publish, vehicle: str, ros: config.Ros) -> None:
+        self.vehicle = vehicle
         credentials = _credentials(settings)
-        access = access_control([key(vehicle, names) for names in VIEWED], None if settings.tls is None else settings.tls.viewers)
+        # Who watches several vehicles asks for them all at once, and is given what is this one's.
+        asked, given = ([*(key(of, names) for names in VIEWED), *viewed(ros)] for of in ("*", vehicle))
+        access = access_control(asked, given, None if settings.tls is None else settings.tls.viewers)
         self._open = ExitStack()
         try:
             opened = zenoh.open(session_config(settings.listen, settings.connect, sends=True, credentials=credentials, access=access))
-            session = self._open.enter_context(opened)
+            self.session = self._open.enter_context(opened)
         except zenoh.ZError as error:
             raise EchogridError(_refused(settings, error)) from error
-        self._grid = _Stamped(
-            # A cache of one and `publisher_detection` bring the last map to whoever comes later, also to ROS nodes.
-            zenoh.ext.declare_advanced_publisher(
-                session,
-                key(vehicle, GRID_KEY),
-                encoding=GRID_ENCODING,
-                # DROP loses large messages whenever a fragment waits, BLOCK stops us for seconds behind one frozen subscriber.
-                congestion_control=zenoh.CongestionControl.BLOCK_FIRST,
-                reliability=zenoh.Reliability.RELIABLE,
-                cache=zenoh.ext.CacheConfig(1),
-                sample_miss_detection=zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=0.5),
-                publisher_detection=True,
-            ),
-            session,
-        )
-        self._odometry = _Stamped(
-            session.declare_publisher(
-                key(vehicle, ODOMETRY_KEY),
-                encoding=ODOMETRY_ENCODING,
-                priority=zenoh.Priority.DATA_HIGH,  # not behind a map's fragments
-                reliability=zenoh.Reliability.RELIABLE,
-            ),
-            session,
-        )
-        self._status = session.declare_publisher(
-            key(vehicle, STATUS_KEY), encoding=zenoh.Encoding.APPLICATION_JSON, priority=zenoh.Priority.DATA_HIGH
-        )
-        self._diagnostics = _Stamped(
-            session.declare_publisher(
-                key(vehicle, DIAGNOSTICS_KEY),
-                encoding=DIAGNOSTICS_ENCODING,
-                priority=zenoh.Priority.DATA_HIGH,
-                reliability=zenoh.Reliability.RELIABLE,
-            ),
-            session,
-        )
-        self._alive = session.liveliness().declare_token(key(vehicle, ALIVE_KEY))
+        self.gid = hashlib.blake2b(str(self.session.zid()).encode(), digest_size=cdr.GID_SIZE).digest()
+        self._streams = {
+            topic: Stream(self.session, key(vehicle, topic.name), topic, self.gid, versioned=topic.rank > 0) for topic in (*TOPICS, FLEET)
+        }
+        self._ros = RosNode(self.session, ros)
+        self._fleet = Fleet(settings.fleet_hz)
+        self._alive = self.session.liveliness().declare_token(key(vehicle, ALIVE))
 
     def __enter__(self) -> Self:
         return self
@@ -108,40 +66,15 @@ class Publisher:
         self.close()
 
     def close(self) -> None:
-        """Ends the session; subscribers see the liveliness token go. A second time does nothing."""
+        """Ends the session; subscribers see the liveliness tokens go. A second time does nothing."""
         self._open.close()
 
-    def grid(self, stamp_ns: int, row: int, column: int, cell: float, log_odds: LogOdds) -> None:
-        """A window of the map as measured at `stamp_ns`: cells of `cell` m, (H, W) log-odds, the first cell's row (y) and column (x)."""
-        grid = cdr.Grid(stamp_ns, MAP_FRAME, cell, (column * cell, row * cell), occupancy_percent(log_odds))
-        self._grid.put(cdr.encode_grid(grid), stamp_ns)
-
-    def odometry(self, ego: EgoState) -> None:
-        """Where the car is and how it moves."""
-        odometry = cdr.Odometry(ego.stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base, ego.speed, ego.yaw_rate)
-        self._odometry.put(cdr.encode_odometry(odometry), ego.stamp_ns)
-
-    def status(self, status: Mapping[str, object]) -> None:
-        """Anything that JSON can hold, dataclasses too, under names."""
-        self._status.put(msgspec.json.encode(status))
-
-    def diagnostics(self, diagnostics: cdr.DiagnosticArray) -> None:
-        """How the parts fare, for ROS."""
-        self._diagnostics.put(cdr.encode_diagnostics(diagnostics), diagnostics.stamp_ns)
-
-
-class _Stamped:
-    """A key whose samples carry rmw_zenoh's attachment; remembers how many it sent."""
-
-    def __init__(self, publisher: zenoh.Publisher | zenoh.ext.AdvancedPublisher, session: zenoh.Session) -> None:
-        self.publisher = publisher
-        who = f"{session.zid()}/{publisher.key_expr}"
-        self.gid = hashlib.blake2b(who.encode(), digest_size=cdr.GID_SIZE).digest()
-        self.sequence = 0
-
-    def put(self, payload: bytes, stamp_ns: int) -> None:
-        self.sequence += 1
-        self.publisher.put(payload, attachment=cdr.encode_attachment(self.sequence, stamp_ns, self.gid))
+    def put(self, message: Message) -> None:
+        """To whoever listens."""
+        self._streams[message.topic].put(message)
+        self._ros.put(message)
+        if message.topic is FULL and self._fleet.due(message.stamp_ns) and self._streams[FLEET].heard():
+            self._streams[FLEET].put(self._fleet.message(message))
 
 
 def session_config(
@@ -154,13 +87,15 @@ def session_config(
 ) -> zenoh.Config:
     """Zenoh's configuration for exactly these endpoints, retried for ever, and nothing found by itself.
 
-    Raises zenoh.ZError where an endpoint is not of the form that Zenoh reads. `sends`: keep shared memory ready for large messages.
+    Raises zenoh.ZError where an endpoint is not of the form that Zenoh reads. `sends`: it is the service's, which also keeps shared memory
+    ready for large messages.
     `credentials` for tls/ endpoints; `access`: Zenoh's access_control.
     """
     pool = {"enabled": sends, "pool_size": 32 << 20, "message_size_threshold": 16 << 10}
     settings: dict[str, object] = {
-        # A client's open() fails, or waits for ever, while nobody is there; a peer's returns and goes on trying.
-        "mode": "peer",
+        # A client's open() fails, or waits for ever, while nobody is there; others' returns and goes on trying. A router hands nothing on
+        # from one peer to another, who are to find each other by themselves; so of two that meet at one, the service is no peer.
+        "mode": "router" if sends else "peer",
         "listen": {"endpoints": listen, "exit_on_failure": True},
         "connect": {
             "endpoints": connect,
@@ -173,6 +108,7 @@ def session_config(
         "adminspace": {"enabled": False},
         "timestamping": {"enabled": True},  # without, an AdvancedPublisher may have no cache
         "transport/unicast/max_sessions": 32,
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": 2_000_000,  # us: so long a frozen asker holds up the next
         "transport/shared_memory": {"enabled": True, "mode": "init", "transport_optimization": pool},
     }
     if credentials is not None:

@@ -1,0 +1,59 @@
+"""What echogrid says, topic by topic: names, types and quality of service. docs/interface.md is the contract."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+NAMESPACE = "/echogrid"  # of the ROS topics, unless [ros] says another
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """A stream of messages of one type."""
+
+    name: str  # behind echogrid/v1/{vehicle}/
+    type: str | None  # of ROS, in CDR; None: a JSON object
+    ros: str | None = None  # its name under ROS
+    kept: bool = False  # the last message reaches whoever comes later; ROS: transient local
+    depth: int = 1  # of ROS's history: keep last
+    rank: int = 0  # what has a smaller one goes first, and nothing is held up by what has a larger one; from 1 on it is a grid
+    packed: bool = False  # zstd of it
+
+    def ros_name(self, namespace: str) -> str | None:
+        """Its name where `namespace` stands for NAMESPACE; "/" is none. Topics that ROS knows by one name, as /tf, keep it."""
+        if self.ros is None or not self.ros.startswith(f"{NAMESPACE}/"):
+            return self.ros
+        return namespace.rstrip("/") + self.ros.removeprefix(NAMESPACE)
+
+
+FULL = Topic("grid/fused/full", "nav_msgs/msg/OccupancyGrid", kept=True, rank=2)
+KEY = Topic("grid/fused/key", "nav_msgs/msg/OccupancyGrid", "/echogrid/map", kept=True, rank=1)
+UPDATE = Topic("grid/fused/update", "map_msgs/msg/OccupancyGridUpdate", "/echogrid/map_updates", depth=5, rank=1)
+ODOMETRY = Topic("odom", "nav_msgs/msg/Odometry", "/echogrid/odom", depth=10)
+TRANSFORM = Topic("tf", "tf2_msgs/msg/TFMessage", "/tf", depth=100)
+DETECTIONS = Topic("detections", "sensor_msgs/msg/PointCloud2", "/echogrid/detections", depth=5)
+STATUS = Topic("status", None)
+DIAGNOSTICS = Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", depth=10)
+META = Topic("meta", None, kept=True)
+FLEET = Topic("grid/fused/fleet", "nav_msgs/msg/OccupancyGrid", rank=3, packed=True)  # made of FULL, where somebody listens
+ALIVE, REGION, TILE = "alive/fusion", "grid/fused/region", "grid/fused/tile"  # a liveliness token, and what is asked for
+TOPICS = (FULL, KEY, UPDATE, ODOMETRY, TRANSFORM, DETECTIONS, STATUS, DIAGNOSTICS, META)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Message:
+    """One message of a topic, encoded once for all who take it."""
+
+    topic: Topic
+    payload: bytes  # CDR or JSON, as the topic's type says
+    stamp_ns: int  # when what it tells of was measured, Unix time
+    epoch: int  # of the map
+    keyframe: int  # KEY: its number, from 1. UPDATE: that of the key frame for which it was made. Else 0
+
+
+class Sink(Protocol):
+    """Where messages go. One thread puts."""
+
+    def put(self, message: Message) -> None:
+        """Takes a message without waiting for whoever reads it. Raises EchogridError where it can take no more of them."""
