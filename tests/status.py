@@ -25,6 +25,15 @@ def status(state: str = "ok", *reasons: str) -> dict[str, Any]:
         "latency_ms": {"p50": 12.5, "p99": 31.25},
         "dropped_frames": 7,
         "store": {"state": "ok", "reason": "", "epoch": 31, "mib": 12.5, "written": 32, "failed": 33, "forgotten": 34, "removed": 35},
+        "recording": {
+            "file": "drive.mcap",
+            "state": "failed",
+            "reason": "No space left on device",
+            "messages": 41,
+            "frames": 42,
+            "left_out": 43,
+            "mib": 44.5,
+        },
         "rss_mib": 143.5,
         **asdict(health),
     }

@@ -19,8 +19,8 @@ Line = list[tuple[str, str]]  # pieces of text, each with its style in rich's wo
 STYLES = {"ok": "bold green", "degraded": "bold yellow"}  # any other state is bold red
 
 
-class Store(msgspec.Struct, frozen=True, kw_only=True):
-    """Of the map on disk."""
+class File(msgspec.Struct, frozen=True, kw_only=True):
+    """What the service writes."""
 
     state: str
     reason: str = ""
@@ -37,7 +37,8 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     rates: dict[str, float] = {}
     latency_ms: dict[str, float | None] = {}
     rss_mib: float | None = None
-    store: Store | None = None
+    store: File | None = None
+    recording: File | None = None
     sensors: dict[str, dict[str, Any]] = {}
     buses: dict[str, dict[str, Any]] = {}
     counters: dict[str, int] = {}  # all other whole numbers
@@ -77,7 +78,8 @@ def lines(document: Mapping[str, Any], vehicle: str) -> list[Line]:
         _line("traffic", f"{_number(rates.get('frames_hz'))} frames/s"),
         _line("latency", f"{_number(latency.get('p50'), 1)} ms, 99 % within {_number(latency.get('p99'), 1)} ms"),
         _line("memory", f"{_number(status.rss_mib)} MiB"),
-        *([_store(status.store)] if status.store is not None else []),
+        *_file("store", status.store),
+        *_file("recording", status.recording),
         _line("model", status.model),
         *_parts("radar", status.sensors, status.reasons),
         *_parts("bus", status.buses, status.reasons),
@@ -96,10 +98,11 @@ def silence(vehicle: str, seconds: float) -> list[Line]:
     return [[(vehicle, "bold"), (" does not answer", "bold red"), (f", for {seconds:.0f} s now", "")]]
 
 
-def _store(store: Store) -> Line:
-    """Yellow where it is not ok."""
-    line = _line("store", f"{store.state}, {_number(store.mib)} MiB" + (f": {store.reason}" if store.reason else ""))
-    return line if store.state == "ok" else [(text, "yellow") for text, _ in line]
+def _file(label: str, file: File | None) -> Iterator[Line]:
+    """Nothing where there is none; yellow where it is not written."""
+    if file is not None:
+        style = "" if file.state in ("ok", "recording", "closed") else "yellow"
+        yield [(f"{label:10}", "dim"), (f"{file.state}, {_number(file.mib)} MiB" + (f": {file.reason}" if file.reason else ""), style)]
 
 
 def _parts(kind: str, parts: Mapping[str, Mapping[str, Any]], reasons: tuple[str, ...]) -> Iterator[Line]:

@@ -18,7 +18,7 @@ from echogrid.io.diagnostics import diagnostics
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 OK, WARN, ERROR, STALE = range(4)  # diagnostic_msgs/msg/DiagnosticStatus
-PARTS = ["service", "motion", "store", "radar front_left", "radar rear_right", "bus chassis", "bus radars"]
+PARTS = ["service", "motion", "store", "recording", "radar front_left", "radar rear_right", "bus chassis", "bus radars"]
 
 
 def read(of: dict[str, Any]) -> dict[str, Any]:
@@ -33,7 +33,7 @@ def read(of: dict[str, Any]) -> dict[str, Any]:
 def test_every_part_is_there_and_knows_what_it_is() -> None:
     parts = read(status())
     assert list(parts) == PARTS
-    assert [part.hardware_id for part in parts.values()] == ["car", "car", "car", "front_left", "rear_right", "chassis", "radars"]
+    assert [part.hardware_id for part in parts.values()] == ["car", "car", "car", "car", "front_left", "rear_right", "chassis", "radars"]
 
 
 @pytest.mark.parametrize(("state", "level"), [("ok", OK), ("degraded", WARN), ("no_motion", ERROR), ("stale", STALE), ("stopped", ERROR)])
@@ -48,6 +48,7 @@ def test_a_reason_is_told_by_the_part_that_it_names() -> None:
     assert {name: (part.level, part.message) for name, part in parts.items() if name != "service"} == {
         "motion": (WARN, "yaw rate: stuck"),
         "store": (OK, "ok"),
+        "recording": (WARN, "failed: No space left on device"),
         "radar front_left": (OK, "ok"),
         "radar rear_right": (WARN, "silent for 1.2 s; late"),
         "bus chassis": (WARN, "off"),
@@ -75,6 +76,7 @@ def test_of_an_old_map_no_part_is_called_ok(state: str) -> None:
     assert {name: (part.level, part.message) for name, part in parts.items() if name != "service"} == {
         "motion": (STALE, state),
         "store": (STALE, state),
+        "recording": (WARN, "failed: No space left on device"),
         "radar front_left": (WARN, "silent for 9.0 s"),
         "radar rear_right": (STALE, state),
         "bus chassis": (STALE, state),

@@ -9,20 +9,22 @@ from echogrid.io.cdr import DiagnosticArray, DiagnosticStatus, Level
 
 LEVELS = {"ok": Level.OK, "degraded": Level.WARN, "no_motion": Level.ERROR, "stale": Level.STALE, "stopped": Level.ERROR}
 PROGRAM = "echogrid"  # diagnostic_aggregator groups by what stands before the colon
+FILES = ("store", "recording")  # that the service writes, each where it was asked to
 MOTION = ("wheel speed", "yaw rate")
 
 
 def diagnostics(status: Mapping[str, Any], vehicle: str, stamp_ns: int) -> DiagnosticArray:
     """`status` is what the service publishes under that name, see docs/watching.md; `stamp_ns`: when it was taken, in Unix time."""
     state, reasons = status["state"], status["reasons"]
-    own = {key: value for key, value in status.items() if key not in ("state", "reasons", "store", "sensors", "buses")}
+    own = {key: value for key, value in status.items() if key not in ("state", "reasons", *FILES, "sensors", "buses")}
     service = DiagnosticStatus(LEVELS[state], f"{PROGRAM}: service", "; ".join((state, *reasons)), vehicle, _texts(own))
     said = [f"{name}: {what}" for name in MOTION for what in about(name, reasons)]
     parts = [_part("motion", vehicle, state, said, Level.ERROR if state == "no_motion" else Level.WARN, {})]
-    store = status.get("store")  # a replay has none
-    if store is not None:
-        said = [] if store["state"] == "ok" else [f"{store['state']}: {store['reason']}"]
-        parts.append(_part("store", vehicle, state, said, Level.WARN, store))
+    for name in FILES:
+        file = status.get(name)  # a replay has none
+        if file is not None:
+            said = [f"{file['state']}: {file['reason']}"] if file["reason"] else []
+            parts.append(_part(name, vehicle, state, said, Level.WARN, file))
     for name, counters in status["sensors"].items():
         parts.append(_part(f"radar {name}", name, state, about(f"radar {name}", reasons), Level.WARN, counters))
     for name, bus in status["buses"].items():

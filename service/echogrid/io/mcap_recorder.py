@@ -18,6 +18,7 @@ MOST_WAITING = 32 << 20  # bytes; as many again while they are written
 FRAME_BYTES = 1 << 10  # that a frame takes while it waits
 FLUSH_PERIOD = 1.0  # s: no more is lost where the process is killed
 WAIT = 0.1  # s between two looks into the queue
+STATES = ("recording", "failed", "closed")
 
 Item = Message | tuple[str, can.Message]
 
@@ -27,7 +28,7 @@ class Recording:
     """How a recording fares; part of the status."""
 
     file: str
-    state: str = "recording"  # or "failed", or "closed"
+    state: str = STATES[0]
     reason: str = ""  # for a failure
     messages: int = 0  # in the file, of those that were published
     frames: int = 0  # in the file, from the buses

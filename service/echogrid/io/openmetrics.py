@@ -9,9 +9,10 @@ from prometheus_client import CollectorRegistry, start_http_server, write_to_tex
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoMetricFamily, Metric, StateSetMetricFamily
 
 from echogrid import __version__
+from echogrid.io import mcap_recorder, tile_store
 from echogrid.io.diagnostics import LEVELS
-from echogrid.io.tile_store import STATES
 
+FILES = {"store": tile_store.STATES, "recording": mcap_recorder.STATES}
 Tables = Mapping[tuple[str, ...], Mapping[str, Any]]  # label values -> a part's numbers
 
 
@@ -60,13 +61,14 @@ def families(status: Mapping[str, Any], vehicle: str, taken_at: float) -> Iterat
     yield _gauge("map_rate", "hertz", "Map updates per second.", vehicle, status["rates"]["map_hz"])
     yield _gauge("frame_rate", "hertz", "CAN frames taken in per second.", vehicle, status["rates"]["frames_hz"])
     yield _gauge("resident_memory", "bytes", "Memory of the service that is in RAM.", vehicle, status["rss_mib"] * 2**20)
-    store = status["store"]
-    if store is not None:
-        kept = StateSetMetricFamily("echogrid_store_state", "State of the map on disk.", labels=["vehicle"])
-        kept.add_metric([vehicle], {name: name == store["state"] for name in STATES})
-        yield kept
-        yield _gauge("store_size", "bytes", "Size of the file that keeps the map.", vehicle, store["mib"] * 2**20)
-        yield from _counters("echogrid_store", ["vehicle"], {(vehicle,): store})
+    for name, states in FILES.items():
+        file = status[name]
+        if file is not None:
+            kept = StateSetMetricFamily(f"echogrid_{name}_state", f"State of the {name}.", labels=["vehicle"])
+            kept.add_metric([vehicle], {each: each == file["state"] for each in states})
+            yield kept
+            yield _gauge(f"{name}_size", "bytes", f"Size of the {name}'s file.", vehicle, file["mib"] * 2**20)
+            yield from _counters(f"echogrid_{name}", ["vehicle"], {(vehicle,): file})
     latency = Metric("echogrid_latency", "From a frame's receipt to its map update.", "summary", "seconds")
     for quantile, key in (("0.5", "p50"), ("0.99", "p99")):
         if status["latency_ms"][key] is not None:  # before the first map
