@@ -30,7 +30,7 @@ def asked(path: str) -> list[Requirement]:
 
 
 @pytest.mark.parametrize(
-    ("path", "files"), [("pyproject.toml", ("service", "build")), ("training/pyproject.toml", ("develop", "torch", "build"))]
+    ("path", "files"), [("pyproject.toml", ("service", "develop", "build")), ("training/pyproject.toml", ("develop", "torch", "build"))]
 )
 def test_whatever_is_asked_for_is_pinned_to_a_version_that_will_do(path: str, files: tuple[str, ...]) -> None:
     pinned = {name: version for file in files for name, version in pins(file).items()}
