@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-import socket
 import subprocess
 import sys
 import time
@@ -36,13 +35,6 @@ PATIENCE = 10.0  # s: far beyond what anything here takes
 LOG_ODDS = np.array([[0, 3.5, -3.5], [1, 0, 0]], dtype=np.float32)
 
 T = TypeVar("T")
-
-
-@pytest.fixture
-def endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 def publish(endpoint: str, vehicle: str = "car") -> Publisher:

@@ -42,13 +42,6 @@ FAKE_TOKENS = (key("car", "alive/fake"), "@ros2_lv/0/fake/0/0/NN/%/%/fake")
 Look = Callable[[], set[tuple[str, int]]]  # keys and stamps of what has come
 
 
-@pytest.fixture
-def port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 @dataclass(frozen=True)
 class Files:
     """What an authority issued, by name of the file."""

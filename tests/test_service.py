@@ -24,12 +24,6 @@ from tests import world
 DEMO = Path(__file__).parent.parent / "service" / "echogrid" / "demo_drive"
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def test_through_a_virtual_bus_the_map_is_that_of_the_file(tmp_path: Path) -> None:
     """The demo's whole way: CAN bus, service threads, Zenoh, a subscriber in another process."""
     through_bus = demo(tmp_path / "bus")
@@ -66,9 +60,8 @@ def test_the_analytic_model_needs_no_onnxruntime(config: tuple[Path, int]) -> No
 
 
 @pytest.fixture
-def config(tmp_path: Path) -> tuple[Path, int]:
+def config(tmp_path: Path, port: int) -> tuple[Path, int]:
     """A service on a UDP-multicast-free, in-process bus: alive, but without traffic."""
-    port = free_port()
     path = tmp_path / "echogrid.toml"
     path.write_text(world.CONFIG + f'\n[publish]\nlisten = ["tcp/127.0.0.1:{port}"]\n')
     return path, port

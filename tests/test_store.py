@@ -26,7 +26,6 @@ from echogrid.io.tile_store import TileStore
 from echogrid.pipeline import Pipeline
 from echogrid.replay import replay
 from tests import world
-from tests.test_service import free_port
 
 SMALL_CELLS = "\n[grid]\ncell = 0.05\n"  # a tile is 6.4 m, so that a short drive has many
 
@@ -128,9 +127,8 @@ def test_a_service_with_sixteen_tiles_keeps_the_map_of_the_log_bit_for_bit(drive
 
 
 @pytest.fixture
-def config(tmp_path: Path) -> tuple[Path, int]:
+def config(tmp_path: Path, port: int) -> tuple[Path, int]:
     """A service on a bus without traffic."""
-    port = free_port()
     path = tmp_path / "echogrid.toml"
     path.write_text(world.CONFIG + f'\n[publish]\nlisten = ["tcp/127.0.0.1:{port}"]\n[store]\npath = "kept.egmap"\nflush_s = 0.1\n')
     return path, port

@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -36,6 +35,7 @@ from echogrid.io.publisher import Publisher, session_config
 from echogrid.io.region import Regions
 from echogrid.io.signals import bus_of
 from echogrid.pipeline import Pipeline
+from tests.ports import free_port
 from tests.test_router import router
 
 DEMO = Path(__file__).parents[2] / "service" / "echogrid" / "demo_drive"
@@ -54,9 +54,7 @@ def main() -> None:
 
 
 def endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    return f"tcp/127.0.0.1:{free_port()}"
 
 
 def told(what: str, seconds: list[float]) -> None:

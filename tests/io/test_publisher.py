@@ -37,13 +37,6 @@ EGO = EgoState(1_700_000_000_000_000_001, SE2(3.0, -4.0, math.pi / 2), 8.5, -0.1
 GRID, ODOMETRY, STATUS = "echogrid/v1/car/grid/fused/full", "echogrid/v1/car/odom", "echogrid/v1/car/status"
 
 
-@pytest.fixture
-def port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def publish(port: int) -> Publisher:
     return Publisher(Publish(listen=(f"tcp/127.0.0.1:{port}",)), "car", Ros())
 

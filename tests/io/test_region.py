@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -47,13 +46,6 @@ def messages() -> list[can.Message]:
 def pipeline(tmp_path: Path) -> Pipeline:
     path = world.write_drive(tmp_path, []) / "echogrid.toml"
     return Pipeline(load_config(path), path)
-
-
-@pytest.fixture
-def endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 @contextmanager

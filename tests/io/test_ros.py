@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import socket
 import struct
 import subprocess
 import sys
@@ -37,13 +36,6 @@ STORE.register(
 PATIENCE = 10.0  # s: far beyond what anything here takes
 NAMES = {"map", "map_updates", "odom", "detections"}  # in our namespace
 LOG_ODDS = np.array([[0, 3.5, -3.5], [1, 0, 0]], dtype=np.float32)
-
-
-@pytest.fixture
-def port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def publish(port: int, settings: Ros) -> Publisher:
