@@ -5,6 +5,7 @@ Absolute times swing by a third on a shared machine; the ratios within one run a
 
 from __future__ import annotations
 
+import io
 import json
 import statistics
 import tempfile
@@ -20,6 +21,7 @@ import cantools
 import numpy as np
 import opendbc
 from opendbc.can import CANParser
+from rosbags.typesys import Stores, get_typestore
 
 from echogrid.config import load_config
 from echogrid.core import mapper as mapper_module
@@ -27,11 +29,13 @@ from echogrid.core.health import SensorHealth
 from echogrid.core.history import Surroundings
 from echogrid.core.history_raster import HistoryRaster
 from echogrid.core.look_map import Calibration, LookMap
-from echogrid.core.mapper import in_view
+from echogrid.core.mapper import MapUpdate, in_view
 from echogrid.core.occupancy import OccupancyMap
 from echogrid.core.raster import Image
 from echogrid.core.se2 import SE2
 from echogrid.core.tiled_map import View
+from echogrid.io import cdr, tile_data
+from echogrid.io.announcer import Announcer, Snapshots, occupancy_percent
 from echogrid.io.dbc import Dbc
 from echogrid.io.decode import BatchDecoder, stack
 from echogrid.io.drive import find_drive
@@ -177,6 +181,44 @@ def models() -> dict[str, float]:
     return {name: statistics.median(spent) for name, spent in times.items()}
 
 
+def keeping() -> dict[str, float]:
+    """Microseconds for one tile and one window of the demo drive's map after 20 s, ours beside what else would do it; medians."""
+    drive = find_drive(DEMO, None)
+    config = load_config(drive.config, "default")
+    pipeline = Pipeline(config, drive.config)
+    update: MapUpdate | None = None
+    for message in Log(drive.log):
+        update = pipeline.add(bus_of(message, config.bus) or "", message) or update
+        if pipeline.health.cycles >= 400:
+            break
+    assert update is not None
+    tile = max(pipeline.mapper.map.tiles.values(), key=lambda tile: int((tile.seen_s > 0).sum()))
+    packed, layers = tile_data.encode(tile), len(tile.layers)
+    arrays = {"layers": tile.layers, "seen_s": tile.seen_s, "radars": tile.radars}
+    zipped = io.BytesIO()
+    np.savez_compressed(zipped, **arrays)
+    window = pipeline.mapper.map.around(update.ego.odom_from_base, config.publish.window_cells)
+    percent = occupancy_percent(window[2])
+    grid = cdr.Grid(update.ego.stamp_ns, "odom", config.grid.cell, (0.0, 0.0), percent)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    other = store.deserialize_cdr(cdr.encode_grid(grid), "nav_msgs/msg/OccupancyGrid")
+    snapshots = Snapshots()
+    snapshot = snapshots.take(pipeline.mapper, update, config.publish)
+    assert snapshot is not None
+    announcer = Announcer(config, "")
+    return {
+        "tile to bytes, ours": median_us(lambda: tile_data.encode(tile)),
+        "tile to bytes, numpy.savez_compressed": median_us(lambda: np.savez_compressed(io.BytesIO(), **arrays), repeats=50),
+        "bytes to tile, ours": median_us(lambda: tile_data.decode(packed, layers)),
+        "bytes to tile, numpy.load": median_us(lambda: dict(np.load(io.BytesIO(zipped.getvalue()))), repeats=50),
+        "size in KiB, ours": len(packed) / 1024,
+        "size in KiB, numpy.savez_compressed": len(zipped.getvalue()) / 1024,
+        "grid to CDR, ours": median_us(lambda: cdr.encode_grid(grid)),
+        "grid to CDR, rosbags": median_us(lambda: store.serialize_cdr(other, "nav_msgs/msg/OccupancyGrid")),
+        "all messages of a map": median_us(lambda: list(announcer.map(snapshot))),
+    }
+
+
 def simulating() -> dict[str, float]:
     """A drive of the train family from nothing to samples, on one core: simulated, written as CAN frames, and read back by the service."""
     seconds, spent = 20.0, {}
@@ -197,7 +239,7 @@ def simulating() -> dict[str, float]:
 
 def main() -> None:
     """All tables."""
-    decoders, parts, costs, simulation = decoding(), stages(), models(), simulating()
+    decoders, parts, costs, kept, simulation = decoding(), stages(), models(), keeping(), simulating()
     reference = decoders["ours, batch"]
     print("decoding one 64-frame cycle")
     for name, value in decoders.items():
@@ -210,13 +252,16 @@ def main() -> None:
     analytic = costs[ANALYTIC]
     for name, value in costs.items():
         print(f"  {name:<56}{value:9.1f} us{value / analytic:8.2f} x")
+    print("one tile, one window")
+    for name, value in kept.items():
+        print(f"  {name:<56}{value:9.1f}" + ("" if "KiB" in name else " us"))
     print("simulating")
     for name, value in simulation.items():
         print(f"  {name:<56}{value:9.2f}")
     out = ROOT / "out"
     out.mkdir(exist_ok=True)
     (out / "bench.json").write_text(
-        json.dumps({"decode_us": decoders, "update_us": parts, "models_us": costs, "simulate": simulation}, indent=2) + "\n"
+        json.dumps({"decode_us": decoders, "update_us": parts, "models_us": costs, "keep": kept, "simulate": simulation}, indent=2) + "\n"
     )
 
 
