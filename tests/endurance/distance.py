@@ -42,7 +42,7 @@ def distance(drive: Path, out: Path, kilometres: float, model: str | None = None
     mapper, lock, stop = pipeline.mapper, threading.Lock(), threading.Event()
     street = ClosedStreet(mapper.mounts)
     samples: list[dict[str, float]] = []
-    laps: list[list[LogOdds]] = []
+    laps: list[list[LogOdds]] = []  # the windows at PLACES after the first, the second and the last lap
     times: deque[float] = deque(maxlen=UPDATES)
     started = time.monotonic()
     with pipeline.keep(path, BEGIN_NS, lock) as keeper:
@@ -78,7 +78,7 @@ def distance(drive: Path, out: Path, kilometres: float, model: str | None = None
                             }
                         )
                 with lock:
-                    laps.append(_places(street, pipeline))
+                    laps[2:] = [_places(street, pipeline)]  # besides the first two, the last
         finally:
             stop.set()
             flusher.join()
@@ -89,7 +89,7 @@ def distance(drive: Path, out: Path, kilometres: float, model: str | None = None
 
 
 def summarise(samples: list[dict[str, float]], laps: list[list[LogOdds]], street: ClosedStreet, most_tiles: int) -> dict[str, Any]:
-    """`laps`: after each lap the windows at PLACES."""
+    """`laps`: the windows at PLACES after the first, the second and the last lap."""
     tenth = max(len(samples) // 10, 1)
     begin, end = (float(np.median([s["update_ms"] for s in part])) for part in (samples[tenth : 2 * tenth], samples[-tenth:]))
     lap = round(street.lap_m / SAMPLE_M)
