@@ -8,16 +8,23 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+import zenoh
 from PIL import Image
 
+from echogrid import app
 from echogrid.client import Client
+from echogrid.config import load_config
 from echogrid.demo import demo
 from echogrid.io.drive import find_drive
+from echogrid.io.publisher import key, session_config
+from echogrid.io.topics import META
+from echogrid.pipeline import Pipeline
 from echogrid.replay import replay
 from tests import world
 
@@ -65,6 +72,23 @@ def config(tmp_path: Path, port: int) -> tuple[Path, int]:
     path = tmp_path / "echogrid.toml"
     path.write_text(world.CONFIG + f'\n[publish]\nlisten = ["tcp/127.0.0.1:{port}"]\n')
     return path, port
+
+
+def test_meta_is_said_again(config: tuple[Path, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not all who come later are given the last one: see docs/interface.md. This subscriber asks for nothing that was."""
+    path, port = config
+    monkeypatch.setattr(app, "META_PERIOD", 0.2)
+    service = app.Service(Pipeline(load_config(path), path))
+    running = threading.Thread(target=service.run)
+    running.start()
+    try:
+        with zenoh.open(session_config((), (f"tcp/127.0.0.1:{port}",), sends=False)) as session:
+            said = session.declare_subscriber(key("*", META.name))
+            for _ in range(3):
+                assert json.loads(bytes(said.recv().payload))["frames"] == {"map": "odom", "car": "base"}
+    finally:
+        service.stop.set()
+        running.join()
 
 
 def test_run_says_that_it_waits_and_ends_cleanly_on_a_signal(config: tuple[Path, int]) -> None:

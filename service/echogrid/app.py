@@ -41,6 +41,7 @@ from echogrid.pipeline import Pipeline
 log = logging.getLogger("echogrid")
 QUEUE_FRAMES = 4096  # one to two seconds of four radars
 STATUS_PERIOD = 1.0  # s
+META_PERIOD = 10.0  # s: whoever comes later is given the last one, but for who reaches a router at the same moment as the service
 WAIT = 0.1  # s: a thread looks this often whether it is to end
 MOST_LAG = 1.0  # s behind the buses, beyond which the newest map is old
 TURNING = 1.0  # s within which the mapping has to come round for the watchdog
@@ -224,10 +225,12 @@ class Service:
             self._send(announcer.status(status, time.time_ns()))
             metrics.update(status)
 
-        status_due = time.monotonic()
+        status_due = meta_due = time.monotonic()
         try:
-            self._send((announcer.meta(time.time_ns()),))
             while not self.stop.is_set():
+                if time.monotonic() >= meta_due:
+                    self._send((announcer.meta(time.time_ns()),))
+                    meta_due += META_PERIOD
                 snapshot = self.outbox.get(timeout=WAIT)
                 if snapshot is not None:
                     self._send(announcer.map(snapshot))
