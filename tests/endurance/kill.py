@@ -150,7 +150,7 @@ def _checked(path: Path, epoch: int, said: int) -> int:
 
 
 def kills(folder: Path, times: int, seed: int = 0) -> list[Killed]:
-    """One file, so many children, each killed at a random instant: one in five before it says a word."""
+    """One file, so many children, each killed at a random instant: one in five while it starts, perhaps before it says a word."""
     rng = random.Random(seed)
     path = folder / "killed.egmap"
     instants = [-rng.uniform(0.2, 1.0) if rng.random() < 0.2 else rng.uniform(0.0, LONGEST_S) for _ in range(times)]
