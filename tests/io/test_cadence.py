@@ -33,6 +33,18 @@ def test_lost_frames_are_no_jump(kind: tuple[int, int], lost: int) -> None:
 
 
 @settings(deadline=None)
+@given(st.sampled_from([(4, 10), (8, 50), (4, 20)]), st.integers(0, 2))
+def test_two_frames_in_the_wrong_order_are_no_jump(kind: tuple[int, int], apart_ms: int) -> None:
+    """Once a division by zero, which ended the service."""
+    bits, period = kind
+    cadence, number, at = settled(bits, period)
+    for n, (ahead, late) in enumerate([(2, 0), (1, apart_ms), (3, period), (4, 2 * period)]):
+        cadence.add((number + ahead) % (1 << bits), (at + 2 * period + late) * MS)
+        assert abs(cadence.lag) < JUMP / 4
+        assert cadence.missing == (1, 0, 1, 0)[n]
+
+
+@settings(deadline=None)
 @given(st.integers(250, 900))
 def test_time_that_jumped_stays_so_until_it_jumps_back_or_catches_up(jump: int) -> None:
     cadence, number, at = settled(8, 50)

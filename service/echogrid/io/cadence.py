@@ -40,15 +40,17 @@ class Cadence:
             self._period = elapsed / counted
             return
         rounds, off = divmod(round(elapsed / self._period) - counted + 1, self.size)
-        if off <= 2:  # the counter went round while frames were lost
+        if off <= 2:  # the counter went round while frames were lost, or back where two came in the wrong order
             counted += rounds * self.size
         skipped = round(elapsed / self._period) - counted
         if 0 < skipped <= UNCOUNTED:
             counted += skipped
+        if counted <= 0:
+            self.missing = 0
         lag = self.lag + elapsed - counted * self._period
         if abs(lag) < JUMP:
             lag -= lag * GAIN
-            if abs(elapsed / counted - self._period) < REGULAR * self._period or self._steps < 3:
+            if counted > 0 and (abs(elapsed / counted - self._period) < REGULAR * self._period or self._steps < 3):
                 self._steps = min(self._steps + 1.0, STEPS)
                 self._period += (elapsed / counted - self._period) / self._steps
         self.lag = lag if abs(lag) < LONGEST else 0.0
