@@ -34,13 +34,6 @@ def test_joined_is_the_smallest_that_holds_both(one: Rectangle, other: Rectangle
         assert (joined.height, joined.width) == (max(rows) - min(rows) + 1, max(columns) - min(columns) + 1)
 
 
-@given(RECTANGLES, RECTANGLES)
-def test_shared_is_what_both_hold(one: Rectangle, other: Rectangle) -> None:
-    both = cells(one) & cells(other)
-    if both:
-        assert cells(one.shared(other)) == both
-
-
 @given(RECTANGLES, RECTANGLES, st.integers(0, 2**32 - 1))
 def test_within_finds_the_same_cells(one: Rectangle, other: Rectangle, seed: int) -> None:
     frame = one.joined(other)

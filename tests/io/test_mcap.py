@@ -95,7 +95,7 @@ def test_others_find_every_message_by_its_index_and_read_it(tmp_path: Path) -> N
 def test_others_may_write_it_otherwise(tmp_path: Path, options: dict[str, object]) -> None:
     """Merged or repacked by MCAP's own tools, with other channels in between."""
     path = tmp_path / "a.mcap"
-    writer = Writer(str(path), **options)  # type: ignore[arg-type]
+    writer = Writer(str(path), **options)  # type: ignore[arg-type]  # of several types
     writer.start()
     other = writer.register_channel("/other", "json", 0)
     channel = writer.register_channel("/can/a", "cdr", writer.register_schema(CAN_FRAME, "ros2msg", definition(CAN_FRAME).encode()))

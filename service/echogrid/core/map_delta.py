@@ -36,13 +36,6 @@ class Rectangle(NamedTuple):
         right = max(self.column + self.width, other.column + other.width)
         return Rectangle(row, column, bottom - row, right - column)
 
-    def shared(self, other: Rectangle) -> Rectangle:
-        """The cells that are in both, of which there must be some."""
-        row, column = max(self.row, other.row), max(self.column, other.column)
-        bottom = min(self.row + self.height, other.row + other.height)
-        right = min(self.column + self.width, other.column + other.width)
-        return Rectangle(row, column, bottom - row, right - column)
-
 
 NOTHING = Rectangle(0, 0, 0, 0)
 

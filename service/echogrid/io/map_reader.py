@@ -10,8 +10,8 @@ import numpy as np
 
 from echogrid.core.map_delta import Rectangle
 from echogrid.core.mapper import Mapper
-from echogrid.core.tile import SIDE, Tile, TileKey
-from echogrid.core.tiled_map import TiledMap
+from echogrid.core.tile import Tile, TileKey
+from echogrid.core.tiled_map import TiledMap, pieces
 from echogrid.errors import EchogridError
 from echogrid.io.region import Part
 from echogrid.io.stored_map import stored_map
@@ -67,14 +67,9 @@ def _read(where: Rectangle, epoch: int, load: Load, rule: TiledMap) -> Part:
     """The part of a map out of its tiles, read out as `rule` does."""
     log_odds = np.zeros((where.height, where.width), dtype=np.float32)
     seen_s = 0
-    for row in range(where.row // SIDE, (where.row + where.height - 1) // SIDE + 1):
-        for column in range(where.column // SIDE, (where.column + where.width - 1) // SIDE + 1):
-            tile = load((row, column))
-            if tile is None:
-                continue
-            place = Rectangle(row * SIDE, column * SIDE, SIDE, SIDE)
-            shared = place.shared(where)
-            inside = shared.within(place)
-            log_odds[shared.within(where)] = rule.read(tile.layers[:, *inside])
+    for key, inside, piece in pieces(*where):
+        tile = load(key)
+        if tile is not None:
+            log_odds[piece] = rule.read(tile.layers[:, *inside])
             seen_s = max(seen_s, int(tile.seen_s[inside].max()))
     return Part(epoch, seen_s * 10**9, log_odds)

@@ -10,7 +10,7 @@ from io import BytesIO
 from typing import BinaryIO
 
 import can
-import lz4.frame  # type: ignore[import-untyped]
+import lz4.frame  # type: ignore[import-untyped]  # it comes without types
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode

@@ -68,7 +68,7 @@ class McapRecorder:
             try:
                 self._writer.close()
                 self.recording.state = "closed"
-            except Exception as error:
+            except Exception as error:  # mostly a full disk, as in _write
                 self._fail(error)
 
     def _put(self, item: Item, size: int, limit: int) -> None:

@@ -78,13 +78,13 @@ class McapWriter:
 
     def flush(self) -> None:
         """Ends the chunk, so that all that was put can be read."""
-        self._writer.flush()  # type: ignore[no-untyped-call]
+        self._writer.flush()  # type: ignore[no-untyped-call]  # mcap says no types here
 
     def close(self) -> None:
         """Ends the file with its index. A second time does nothing."""
         if not self._file.closed:
             with self._file:
-                self._writer.finish()  # type: ignore[no-untyped-call]
+                self._writer.finish()  # type: ignore[no-untyped-call]  # nor here
 
     def abandon(self) -> None:
         """Leaves a file as it is that cannot be written any further."""

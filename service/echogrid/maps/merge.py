@@ -152,12 +152,13 @@ def _engine(scheduler: str | None) -> Iterator[Engine]:
     except ImportError:
         raise EchogridError("--scheduler: needs the extra 'cluster': pip install 'echogrid[cluster]'") from None
     try:
-        client = Client(scheduler, timeout=PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
+        client = Client(scheduler, timeout=PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]  # it has no types
     except (OSError, ValueError) as error:
         raise EchogridError(f"{scheduler}: no Dask scheduler answers there within {PATIENCE:g} s: {error}") from error
 
     def gather(work: Work, jobs: Sequence[Job]) -> list[Tile | None]:
         try:
+            # distributed has no types.
             tiles: list[Tile | None] = client.gather(client.map(work, jobs, pure=False))  # type: ignore[no-untyped-call]
         except EchogridError:
             raise
