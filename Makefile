@@ -15,7 +15,7 @@ demo: .venv/.service
 
 test: .venv/.develop
 	@echo "== test: service and training package; warnings are errors"
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses=auto --maxprocesses=4 --dist=loadfile
 
 test-rig: .venv/.develop deb
 	@echo "== test-rig: the service on real CAN interfaces, its package under a real systemd; in a guest, or on this machine with RIG=here"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import sqlite3
 import threading
@@ -63,6 +64,10 @@ def in_file(path: Path, epoch: int) -> bytes:
         return everything(stored_map(store, epoch))
 
 
+def digest(tile: Tile) -> bytes:
+    return hashlib.sha256(tile.layers.tobytes() + tile.radars.tobytes()).digest()
+
+
 def roomy(updates: int, seed: int = 0) -> bytes:
     """What such a drive makes with room for all."""
     car = Car(4096, seed)
@@ -91,7 +96,7 @@ def test_while_a_thread_flushes_as_fast_as_it_can_the_map_is_the_same(tmp_path: 
     car = Car(max_tiles=4)
     stop = threading.Event()
     snapshots: list[tuple[TileKey, Tile]] = []
-    truth: dict[tuple[TileKey, int], bytes] = {}  # of each tile after each update, which changes one alone
+    truth: dict[tuple[TileKey, int], bytes] = {}  # digest of each tile after each update, which changes one alone
     with keeper(tmp_path / "a.egmap", car) as kept:
 
         def flush() -> None:
@@ -109,20 +114,20 @@ def test_while_a_thread_flushes_as_fast_as_it_can_the_map_is_the_same(tmp_path: 
         threads = [threading.Thread(target=work) for work in (flush, ask)]
         for thread in threads:
             thread.start()
-        for _ in range(250):
+        while car.seconds < 250 or (len(snapshots) < 10 and car.seconds < 10_000):  # on a busy machine a thread may wait long for its turn
             with kept.lock:
                 car.drive(1)
                 *_, (key, tile) = car.map.tiles.items()  # the one used last
-                truth[key, car.seconds] = tile.layers.tobytes() + tile.radars.tobytes()
+                truth[key, car.seconds] = digest(tile)
         stop.set()
         for thread in threads:
             thread.join()
-        assert len(snapshots) > 10
+        assert len(snapshots) >= 10
         for key, tile in snapshots:
-            assert tile.layers.tobytes() + tile.radars.tobytes() == truth[key, int(tile.seen_s.max())]
+            assert digest(tile) == truth[key, int(tile.seen_s.max())]
         assert kept.status.failed == kept.status.forgotten == 0
-        assert everything(car.map) == roomy(250)
-    assert in_file(tmp_path / "a.egmap", 1) == roomy(250)
+        assert everything(car.map) == roomy(car.seconds)
+    assert in_file(tmp_path / "a.egmap", 1) == roomy(car.seconds)
 
 
 def test_the_thread_flushes_when_due_and_early_where_many_wait(tmp_path: Path) -> None:
