@@ -7,6 +7,7 @@ import struct
 
 import cantools
 import numpy as np
+import pytest
 from cantools.database.can import Message
 from hypothesis import given
 from hypothesis import strategies as st
@@ -81,6 +82,34 @@ def test_equal_to_cantools_bit_for_bit(message: Message, data: st.DataObject) ->
                 assert math.isnan(value)
             elif theirs[name] is not None:
                 assert _same_bits(value, float(theirs[name])), (name, value, theirs[name])
+
+
+@pytest.mark.parametrize("offset", ["0", "-100", "7.0", "0.25", "-3.1416"])
+@pytest.mark.parametrize("scale", ["1", "-3", "3.0", "7", "0.1"])
+def test_what_does_not_fit_a_float_is_rounded_as_often_as_by_cantools(scale: str, offset: str) -> None:
+    """64 bits; cantools takes a number without a point for an integer, and whole numbers where both are."""
+    text = f'BU_: T R\n\nBO_ 256 Message: 8 T\n SG_ Wide : 0|64@1- ({scale},{offset}) [0|0] "" R\n'
+    message = cantools.database.load_string(text, "dbc").messages[0]
+    payloads = [
+        n.to_bytes(8, "little", signed=True) for n in (2**53 + 1, 2**53 + 3, -(2**55) - 3, 2**60 + 129, 9007199254740539 * 901, -(2**63))
+    ]
+    ours = BatchDecoder(message).decode(stack(payloads, 8))[:, 0]
+    for value, payload in zip(ours, payloads, strict=True):
+        assert _same_bits(value, float(message.decode(payload)["Wide"]))
+
+
+@pytest.mark.parametrize("bits", [0x7F800001, 0xFF800001, 0x7F800000, 0xFF800000, 0x7F7FFFFF])
+def test_a_float_that_is_no_number_is_decoded_without_a_word(bits: int) -> None:
+    """Signalling NaN, infinity, the largest there is: warnings are errors here, and would fill the journal in the car."""
+    text = "BU_: T R\n\nBO_ 256 Message: 12 T\n"
+    text += ' SG_ Short : 0|32@1- (3,-100) [0|0] "" R\n SG_ Long : 32|64@1- (12345.678,0) [0|0] "" R\n\n'
+    text += "SIG_VALTYPE_ 256 Short : 1;\nSIG_VALTYPE_ 256 Long : 2;\n"
+    message = cantools.database.load_string(text, "dbc").messages[0]
+    payload = bits.to_bytes(4, "little") + bytes(4) + bits.to_bytes(4, "little")
+    ours = BatchDecoder(message).decode(stack([payload], 12))[0]
+    theirs = message.decode(payload)
+    assert _same_bits(ours[0], theirs["Short"])
+    assert _same_bits(ours[1], theirs["Long"])
 
 
 @given(dbc_messages(), st.data())

@@ -24,7 +24,10 @@ EXACT = 2**53  # integers beyond do not fit a float64
 
 @dataclass(frozen=True, slots=True)
 class SignalLayout:
-    """Where a signal's bits lie, and what its raw value means: physical = raw * scale + offset."""
+    """Where a signal's bits lie, and what its raw value means: physical = raw * scale + offset.
+
+    What is a Python int of scale and offset is reckoned exactly, as cantools does, and not rounded before the end.
+    """
 
     lsb_byte: int
     step: int  # +1 Intel, -1 Motorola
@@ -47,6 +50,9 @@ class SignalLayout:
 
 def layout_of(signal: DbcSignal) -> SignalLayout:
     """The layout of a signal as cantools read it from the DBC."""
+    scale, offset = signal.scale, signal.offset
+    if float(scale).is_integer() and float(offset).is_integer():
+        scale, offset = int(scale), int(offset)
     if signal.byte_order == "little_endian":
         lsb, step = signal.start, 1
     else:
@@ -61,8 +67,8 @@ def layout_of(signal: DbcSignal) -> SignalLayout:
         length=signal.length,
         is_signed=signal.is_signed and not signal.is_float,
         is_float=signal.is_float,
-        scale=float(signal.scale),
-        offset=float(signal.offset),
+        scale=scale,
+        offset=offset,
     )
 
 
@@ -114,8 +120,8 @@ class BatchDecoder:
         self._mask = np.array([(1 << length) - 1 for length in bits], dtype=np.uint64)
         sign = [(1 << (layout.length - 1)) if layout.is_signed else 0 for layout in layouts]
         self._sign = np.array(sign, dtype=np.uint64)
-        self._scale = np.array([layout.scale for layout in layouts])
-        self._offset = np.array([layout.offset for layout in layouts])
+        self._scale = np.array([layout.scale for layout in layouts], dtype=np.float64)
+        self._offset = np.array([layout.offset for layout in layouts], dtype=np.float64)
         self._floats = [(column, layout.length) for column, layout in enumerate(layouts) if layout.is_float]
         self._unsigned64 = [c for c, layout in enumerate(layouts) if layout.length == 64 and not layout.is_signed]
         self._big = [column for column, layout in enumerate(layouts) if _may_exceed_float(layout)]
@@ -144,10 +150,11 @@ class BatchDecoder:
         values = integers.astype(np.float64)
         for column in self._unsigned64:
             values[:, column] = bits[:, column]
-        for column, length in self._floats:
-            values[:, column] = bits[:, column].astype(f"<u{length // 8}").view(f"<f{length // 8}")
-        values *= self._scale
-        values += self._offset
+        with np.errstate(over="ignore", invalid="ignore"):  # any bits may be a float's: infinite and NaN are answers
+            for column, length in self._floats:
+                values[:, column] = bits[:, column].astype(f"<u{length // 8}").view(f"<f{length // 8}")
+            values *= self._scale
+            values += self._offset
         for column in self._big:
             values[:, column] = self._exactly(column, bits[:, column], integers[:, column])
         for column, selector, ids in self._conditions:
@@ -159,10 +166,10 @@ class BatchDecoder:
         return self.physical(self.bits(payloads))[:, : len(self.names)]
 
     def _exactly(self, column: int, bits: NDArray[np.uint64], integers: NDArray[np.int64]) -> list[float]:
-        """Whole-numbered scale and offset in Python's integers, rounded once at the end."""
+        """In Python's numbers, whose integers are not rounded."""
         layout = self.layouts[column]
         raw = integers.tolist() if layout.is_signed else bits.tolist()
-        return [float(value * int(layout.scale) + int(layout.offset)) for value in raw]
+        return [float(value * layout.scale + layout.offset) for value in raw]
 
 
 def _conditions(signal: DbcSignal, by_name: dict[str, DbcSignal]) -> list[tuple[str, Any]]:
@@ -175,7 +182,7 @@ def _conditions(signal: DbcSignal, by_name: dict[str, DbcSignal]) -> list[tuple[
 
 
 def _may_exceed_float(layout: SignalLayout) -> bool:
-    whole = layout.scale.is_integer() and layout.offset.is_integer() and not layout.is_float
+    whole = isinstance(layout.scale, int) and not layout.is_float
     return whole and ((1 << layout.length) * abs(layout.scale) + abs(layout.offset)) > EXACT
 
 
