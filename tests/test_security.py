@@ -350,6 +350,11 @@ TLS = '\n[publish.tls]\nca = "ca.pem"\ncertificate = "car.pem"\nkey = "/etc/car.
         ('listen = ["tls/[::]:7447"]' + TLS.replace('["viewer"]', "[]"), "publish.tls.viewers: Expected `array` of length >= 1"),
         ('listen = ["tls/[::]:7447"]' + TLS.replace('ca = "ca.pem"', ""), "publish.tls: the key 'ca' is missing"),
         ('plaintext = true\nlisten = ["tls/[::]:7447"]' + TLS, "publish.plaintext: found beside [publish.tls], expected one of them"),
+        (
+            '[metrics]\nlisten = "0.0.0.0:9464"',
+            "metrics.listen: '0.0.0.0:9464' leads out of this machine unprotected, expected the loopback",
+        ),
+        ('plaintext = true\n[metrics]\nlisten = "[::]:9464"', "metrics.listen: '[::]:9464' leads out of this machine unprotected"),
     ],
 )
 def test_what_would_expose_the_service_is_refused(tmp_path: Path, publish: str, expected: str) -> None:
@@ -368,6 +373,8 @@ def test_what_would_expose_the_service_is_refused(tmp_path: Path, publish: str, 
         'listen = []\nconnect = ["tcp/127.3.2.1:7447"]',
         'plaintext = true\nlisten = ["tcp/0.0.0.0:7447"]\nconnect = ["tcp/192.0.2.1:7447"]',
         'listen = ["tls/0.0.0.0:7447"]\nconnect = ["tls/router.test:7447"]' + TLS,
+        '[metrics]\nlisten = "[::1]:9464"',
+        '[metrics]\nlisten = "0.0.0.0:9464"\nplaintext = true',
     ],
 )
 def test_what_is_protected_or_asked_for_is_taken(tmp_path: Path, publish: str) -> None:

@@ -180,6 +180,7 @@ class Metrics(Table, frozen=True):
     """Status for Prometheus; nothing by default. Either needs the extra `metrics`."""
 
     listen: str | None = None  # address:port
+    plaintext: bool = False  # it may leave this machine, without TLS
     file: str | None = None  # for node_exporter's textfile collector
 
     def address(self) -> tuple[str, int] | None:
@@ -261,6 +262,8 @@ def _problems(config: Config) -> Iterator[str]:
         yield f"publish.window_cells: {cells} found, whose {window} tiles have no room in map.max_tiles and map.max_mib, which hold {room}"
     if config.metrics.listen is not None and config.metrics.address() is None:
         yield f"metrics.listen: '{config.metrics.listen}' found, expected an address and a port such as '127.0.0.1:9464'"
+    elif config.metrics.listen is not None and not config.metrics.plaintext and not _stays_here(f"tcp/{config.metrics.listen}"):
+        yield f"metrics.listen: '{config.metrics.listen}' leads out of this machine unprotected, expected the loopback, or plaintext = true"
     file = config.metrics.file
     if file is not None and not (file.startswith("/") and file.endswith(".prom")):
         yield f"metrics.file: '{file}' found, expected an absolute path that ends in .prom, as node_exporter reads no other"
