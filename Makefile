@@ -37,7 +37,8 @@ lint: .venv/.develop
 	$(BIN)/mypy service training
 
 fuzz: .venv/.develop
-	@echo "== fuzz: every target for $(FUZZ_SECONDS) s each, guided by coverage; findings lie in out/fuzz (docs/security.md)"
+	@echo "== fuzz: properties with new examples; then every target for $(FUZZ_SECONDS) s, guided by coverage; findings lie in out/fuzz (docs/security.md)"
+	$(BIN)/python -m pytest -m hypothesis --hypothesis-profile=roaming --numprocesses=auto --maxprocesses=4
 	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS)
 
 sbom: build/tools

@@ -31,7 +31,7 @@ from echogrid.io.topics import DETECTIONS, KEY, META, Message
 from tests import messages
 from tests.status import status as a_status
 
-PATIENCE = 10.0  # s: far beyond what anything here takes
+PATIENCE = 40.0  # s: far beyond what anything here takes
 LOG_ODDS = np.array([[0, 3.5, -3.5], [1, 0, 0]], dtype=np.float32)
 
 T = TypeVar("T")

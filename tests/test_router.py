@@ -18,7 +18,7 @@ from echogrid.io.topics import KEY, Message
 from tests import messages
 from tests.messages import update
 
-PATIENCE = 20.0  # s: far beyond what anything here takes
+PATIENCE = 40.0  # s: far beyond what anything here takes
 ROUTER = """
 import json, sys, zenoh
 config = zenoh.Config()

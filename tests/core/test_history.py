@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from echogrid.core.history import LENGTH, MOST_UPDATES, Detections, History, Looks
@@ -27,7 +27,6 @@ def one(x: float, y: float) -> Detections:
     return detections(np.array([(x, y)]))
 
 
-@settings(deadline=None)
 @given(poses, poses, poses, st.integers(0, 99))
 def test_what_stands_in_odom_is_the_same_wherever_it_was_seen_from(here: SE2, there: SE2, last: SE2, seed: int) -> None:
     """Seen from two poses or from one, a world that stands looks the same from a third."""
@@ -115,7 +114,6 @@ def test_on_a_turntable_memory_is_bounded() -> None:
     np.testing.assert_allclose(np.exp(1j * bearing), np.exp(-0.1j * np.arange(MOST_UPDATES)[::-1]), atol=1e-9)
 
 
-@settings(deadline=None)
 @given(st.lists(poses, min_size=1, max_size=4))
 def test_looks_are_from_where_the_sensor_was(bases: list[SE2]) -> None:
     """The sensor's own position and a point ahead of it, carried along one after the other."""

@@ -38,7 +38,7 @@ def reference(patches: list[tuple[np.ndarray, SE2]], clamp: float, size: int) ->
     return total
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.lists(st.builds(SE2, st.floats(-2, 2), st.floats(-2, 2), st.floats(-7, 7)), min_size=1, max_size=3), st.integers(0, 1000))
 def test_equal_to_adding_cell_by_cell(poses: list[SE2], seed: int) -> None:
     random = np.random.default_rng(seed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from echogrid.core.se2 import IDENTITY, SE2, arc
@@ -19,14 +19,12 @@ def _close(one: SE2, other: SE2, tolerance: float = 1e-6) -> bool:
     return math.hypot(one.x - other.x, one.y - other.y) < tolerance and abs(one.yaw - other.yaw) < tolerance
 
 
-@settings(deadline=None)
 @given(poses)
 def test_a_transform_and_its_inverse_cancel(a_from_b: SE2) -> None:
     assert _close(a_from_b @ a_from_b.inverse(), IDENTITY)
     assert _close(a_from_b.inverse() @ a_from_b, IDENTITY)
 
 
-@settings(deadline=None)
 @given(poses, poses, st.tuples(metres, metres))
 def test_composing_is_applying_one_after_the_other(a_from_b: SE2, b_from_c: SE2, point: tuple[float, float]) -> None:
     c = np.array([point])
@@ -39,7 +37,6 @@ def test_a_quarter_turn_to_the_left_ends_ahead_and_left() -> None:
     assert _close(end, SE2(10.0, 10.0, math.pi / 2), 1e-9)
 
 
-@settings(deadline=None)
 @given(st.floats(-20, 20), st.floats(-3, 3))
 def test_an_arc_is_many_small_straight_steps(distance: float, turn: float) -> None:
     steps = 4000
@@ -49,7 +46,6 @@ def test_an_arc_is_many_small_straight_steps(distance: float, turn: float) -> No
     assert _close(arc(distance, turn), pose, 1e-5)
 
 
-@settings(deadline=None)
 @given(st.floats(-20, 20), st.floats(1e-5, 3e-4))
 def test_the_series_for_small_turns_joins_the_formula(distance: float, turn: float) -> None:
     """Two halves of an arc make the whole, whichever of the two branches each falls into."""

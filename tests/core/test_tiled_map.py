@@ -112,7 +112,7 @@ def test_what_is_dirty_and_what_the_shelf_has_are_together_the_whole_map() -> No
     assert clean > 20
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(1, 6), st.lists(st.tuples(st.booleans(), st.integers(-3, 3), st.integers(-3, 3)), max_size=60))
 def test_the_tile_that_was_used_least_recently_goes_first(room: int, uses: list[tuple[bool, int, int]]) -> None:
     """Updates and windows within one tile each, against a list by hand; a window of nothing keeps nothing."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from echogrid.io.cadence import JUMP, Cadence
@@ -21,7 +21,6 @@ def settled(bits: int, period_ms: int) -> tuple[Cadence, int, int]:
     return cadence, 99, 99 * period_ms
 
 
-@settings(deadline=None)
 @given(st.sampled_from([(4, 10), (8, 50), (2, 20)]), st.integers(0, 45))
 def test_lost_frames_are_no_jump(kind: tuple[int, int], lost: int) -> None:
     bits, period = kind
@@ -32,7 +31,6 @@ def test_lost_frames_are_no_jump(kind: tuple[int, int], lost: int) -> None:
     assert cadence.missing == lost % (1 << bits)
 
 
-@settings(deadline=None)
 @given(st.sampled_from([(4, 10), (8, 50), (4, 20)]), st.integers(0, 2))
 def test_two_frames_in_the_wrong_order_are_no_jump(kind: tuple[int, int], apart_ms: int) -> None:
     """Once a division by zero, which ended the service."""
@@ -44,7 +42,6 @@ def test_two_frames_in_the_wrong_order_are_no_jump(kind: tuple[int, int], apart_
         assert cadence.missing == (1, 0, 1, 0)[n]
 
 
-@settings(deadline=None)
 @given(st.integers(250, 900))
 def test_time_that_jumped_stays_so_until_it_jumps_back_or_catches_up(jump: int) -> None:
     cadence, number, at = settled(8, 50)

@@ -32,7 +32,7 @@ from echogrid.io.announcer import occupancy_percent
 from echogrid.io.publisher import Publisher, session_config
 from echogrid.io.topics import KEY
 
-PATIENCE = 10.0  # s: far beyond what anything here takes
+PATIENCE = 40.0  # s: far beyond what anything here takes
 EGO = EgoState(1_700_000_000_000_000_001, SE2(3.0, -4.0, math.pi / 2), 8.5, -0.125)
 GRID, ODOMETRY, STATUS = "echogrid/v1/car/grid/fused/full", "echogrid/v1/car/odom", "echogrid/v1/car/status"
 

@@ -43,7 +43,7 @@ def assert_same(scan: RadarScan, detections: list[Detection], tolerance: tuple[f
     assert (np.abs(found - np.array(detections).reshape(-1, 3)) <= np.array(tolerance)).all()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(st.tuples(st.floats(0.1, 250), st.floats(-1.6, 1.6), st.floats(-80, 80)), max_size=64), st.integers(0, 255))
 def test_our_radar_within_half_a_bit(detections: list[Detection], cycle: int) -> None:
     radar, health = reader("corner_radar", offset=0x20)

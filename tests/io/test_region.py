@@ -30,7 +30,7 @@ from echogrid.io.publisher import Publisher, session_config
 from echogrid.io.region import MOST_CELLS, MOST_WAITING, Regions, region_cells, tile_cells
 from echogrid.pipeline import Pipeline
 
-PATIENCE = 10.0  # s: far beyond what anything here takes
+PATIENCE = 40.0  # s: far beyond what anything here takes
 CELL = 30.0 / 128  # m
 REGION = "echogrid/v1/test/grid/fused/region"
 TILE = "echogrid/v1/test/grid/fused/tile"

@@ -41,7 +41,7 @@ def found(drive: Path) -> list[LocalMap]:
     return list(local_maps(drive, "analytic", every=2.0))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.builds(SE2, st.floats(-40, 40), st.floats(-40, 40), st.floats(-7, 7)), st.sampled_from([OccupancyMap, LookMap]))
 def test_a_patch_is_the_map_read_cell_by_cell(pose: SE2, kind: type[TiledMap]) -> None:
     """Near a corner of four tiles, some of which were never seen."""
