@@ -9,6 +9,7 @@ import pytest
 
 from echogrid_training.evaluation.metrics import (
     average_precision,
+    best_bin,
     best_threshold,
     calibration_error,
     distances,
@@ -16,6 +17,7 @@ from echogrid_training.evaluation.metrics import (
     iou,
     nearness,
     overlap,
+    overlaps,
     precision_area,
     reliability,
     surprise,
@@ -66,6 +68,15 @@ def test_the_best_threshold_is_the_best_of_all(seed: int) -> None:
     scores, occupied = scored(seed)
     best = max(iou(overlap(scores >= threshold, occupied)) for threshold in set(scores.tolist()))
     assert iou(overlap(scores >= best_threshold(scores, occupied), occupied)) == best
+
+
+def test_cells_counted_by_score_overlap_as_cells_do() -> None:
+    scores, occupied = scored(1)
+    levels = np.unique(scores)
+    histogram = np.stack([[np.sum(scores[occupied == kind] == level) for level in levels] for kind in (False, True)])
+    for level, counts in zip(levels, overlaps(histogram).T, strict=True):
+        np.testing.assert_array_equal(counts, overlap(scores >= level, occupied))
+    assert levels[best_bin(histogram)] == best_threshold(scores, occupied)
 
 
 def test_a_line_beside_a_line() -> None:

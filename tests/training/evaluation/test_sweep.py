@@ -12,7 +12,8 @@ from echogrid_training.episode import paper_like
 from echogrid_training.evaluation import calibrating, sweep
 from echogrid_training.evaluation.calibrating import Plan, planned, shown
 from echogrid_training.evaluation.maps import ELFES
-from echogrid_training.evaluation.sweep import LOST, SEED, Point, curves, episode, points, swept
+from echogrid_training.evaluation.metrics import iou, overlaps
+from echogrid_training.evaluation.sweep import LOST, OTHERS, SEED, Point, curves, episode, points, swept
 
 
 @pytest.fixture(scope="module")
@@ -43,13 +44,17 @@ def test_only_what_is_varied_differs() -> None:
 def test_a_drive_is_made_once_and_judged_by_patches_and_maps(plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tiny = town(*room(30.0, 14.0), ego=track(2.5, speed=4.0, x=-7.0))
     monkeypatch.setattr(sweep, "make_town", lambda family, seed, seconds: tiny)
-    point = Point("silent radars", "2", 0)
-    first = swept(point, tmp_path, plan)
+    point, other = Point("silent radars", "2", 0), Point("silent radars", "2", 0, OTHERS)
+    first, elsewhere = swept(point, tmp_path, plan), swept(other, tmp_path, plan)
     monkeypatch.setattr(sweep, "simulate", None)  # not again
     second = swept(point, tmp_path, plan)
     assert set(first[1]) == {"patch", "around"}
-    found = curves([first, second])["silent radars"]["2"]
-    assert found == curves([first])["silent radars"]["2"]  # the same drive twice is the same figures
-    assert set(found["AP"]) == {"Elfes, 15 m"}
-    assert set(found["IoU"]) == {ELFES}
+    assert set(elsewhere[1]) == {"around"}
+    found = curves([first, elsewhere, second])["silent radars"]["2"]
+    assert found == curves([first, elsewhere])["silent radars"]["2"]  # the same drive twice is the same figures
+    assert [set(methods) for methods in found.values()] == [{"Elfes, 15 m"}, {ELFES}, {ELFES}, {ELFES}]
     assert 0 < found["AP"]["Elfes, 15 m"] < 1
+    # The other town is the same here: its best threshold is the best there is.
+    tally = first[1]["around"][ELFES, 0]
+    assert found["IoU of the map"][ELFES] == max(iou(counts) for counts in overlaps(tally.histogram[0]).T)
+    assert found["IoU of the map"][ELFES] >= found["IoU at one threshold"][ELFES] - 0.01  # bins are 1/64 wide

@@ -35,9 +35,20 @@ def precision_area(histogram: Counts | Floats) -> Floats:
 def best_threshold(scores: NDArray[np.floating], occupied: Mask) -> float:
     """The threshold at which `scores >= threshold` overlaps best (IoU) with occupied, both (N,); the highest of equally good ones."""
     values, place = np.unique(scores, return_inverse=True)
-    false, true = (np.cumsum(np.bincount(place[occupied == kind], minlength=len(values))[::-1])[::-1] for kind in (False, True))
-    over_union = true / np.maximum(false + occupied.sum(), 1)
-    return float(values[len(values) - 1 - np.argmax(over_union[::-1])])
+    return float(values[best_bin(np.stack([np.bincount(place[occupied == kind], minlength=len(values)) for kind in (False, True)]))])
+
+
+def best_bin(histogram: Counts) -> int:
+    """The bin from which on cells overlap best with the occupied ones, of (2, B) free and occupied by score; the last of the equally good."""
+    counts = overlaps(histogram)
+    over_union = counts[0] / np.maximum(counts.sum(axis=0), 1)
+    return int(len(over_union) - 1 - np.argmax(over_union[::-1]))
+
+
+def overlaps(histogram: Counts) -> Counts:
+    """(3, B): what `overlap` counts where cells, counted by score (2, B), are called occupied from each bin on."""
+    wrongly, rightly = np.cumsum(histogram[:, ::-1], axis=1)[:, ::-1]
+    return np.stack((rightly, wrongly, histogram[1].sum() - rightly))
 
 
 def overlap(decided: Mask, occupied: Mask) -> Counts:

@@ -130,7 +130,7 @@ def _probes(results: Row) -> str:
 
 
 def _sweep(points: dict[str, dict[str, Row]]) -> str:
-    """`points`: by what was varied, then "AP" and "IoU", then by method."""
+    """`points`: by what was varied, then by figure, then by method."""
     first = next(iter(points.values()))
     heads = ("", *(f"{figure}, {name}" for figure, methods in first.items() for name in methods))
     return markdown(
