@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from echogrid.core.look_map import DOUBT, KNOWN, LEAST_DOUBT, MOST_LOOKS, RESERVE, STEP, TURN, UPDATES, Calibration, LookMap
+from echogrid.core.look_map import DOUBT, KNOWN, LEAST_DOUBT, MOST_LOOKS, RESERVE, STEP, SURE, TURN, UPDATES, Calibration, LookMap
 from echogrid.core.occupancy import OccupancyMap
 from echogrid.core.raster import GridSpec
 from echogrid.core.se2 import IDENTITY, SE2
@@ -54,10 +54,10 @@ def test_a_cell_reads_the_weighted_mean_of_what_it_was_told(seed: int) -> None:
         weight = sum(w for _, w, _ in answers)
         if answers and (weight >= KNOWN * len(answers) or geometric):
             expected = 1.7 * sum(z * w for z, w, _ in answers) / weight - 0.4
-            if expected < -DOUBT:
-                expected = (expected * weight / UPDATES - DOUBT * RESERVE) / (weight / UPDATES + RESERVE)
+            if expected < -SURE:
+                expected = (expected * weight / UPDATES - SURE * RESERVE) / (weight / UPDATES + RESERVE)
             if geometric > 0:
-                expected = max(expected, -DOUBT + (DOUBT - LEAST_DOUBT) * math.sqrt(geometric / 2.0))
+                expected = max(expected, -DOUBT + (DOUBT - LEAST_DOUBT) * geometric / 2.0)
             assert found[i, j] == pytest.approx(expected, abs=1e-4)
         else:
             unknown += 1
@@ -132,22 +132,21 @@ def test_the_geometric_layer_is_a_sum_within_its_clamp() -> None:
 
 
 def test_the_network_may_doubt_what_was_measured_but_not_deny_it() -> None:
-    """From -0.7 for a faint hit, a probability of one third, up to -0.2 where geometry is sure; its own word where that is more."""
-    assert told(-9.0, geometric=0.01) == pytest.approx(-0.7 + 0.5 * 0.0535, abs=1e-3)
-    assert 1 / (1 + math.exp(-told(-9.0, geometric=1e-4))) == pytest.approx(1 / 3, abs=0.003)
-    assert told(-9.0, geometric=3.5 / 4) == pytest.approx(-0.45)
-    assert told(-9.0, geometric=1.75, times=4) == pytest.approx(-0.2)
+    """From -0.5 for a faint hit, up to -0.3 where geometry is sure; its own word where that is more."""
+    assert 1 / (1 + math.exp(-told(-9.0, geometric=1e-4))) == pytest.approx(0.3775, abs=1e-4)
+    assert told(-9.0, geometric=1.75) == pytest.approx(-0.4)
+    assert told(-9.0, geometric=1.75, times=4) == pytest.approx(-0.3)
     assert told(-0.2, geometric=0.35) == pytest.approx(-0.2)
     assert told(4.0, geometric=0.35) == pytest.approx(4.0)
     assert told(-9.0, geometric=-1.0) == told(-9.0)  # free or nothing: as the network has it
 
 
 def test_a_cell_is_surely_free_after_several_looks_only() -> None:
-    """As if one look of -0.7 had been there before the car; what reads more than that is not touched."""
+    """As if one look of -1.5 had been there before the car; what reads more than that is not touched."""
     for looks, weight in ((1, 1.0), (3, 1.0), (3, 0.6), (10, 0.9)):
-        expected = (-5.0 * looks * weight - 0.7) / (looks * weight + 1)
+        expected = (-5.0 * looks * weight - 1.5) / (looks * weight + 1)
         assert told(-5.0, weight, times=looks * UPDATES) == pytest.approx(expected, rel=1e-5)
-        assert told(-0.65, weight, times=looks * UPDATES) == pytest.approx(-0.65, rel=1e-5)
+        assert told(-1.45, weight, times=looks * UPDATES) == pytest.approx(-1.45, rel=1e-5)
     assert told(-5.0, times=20 * UPDATES) < -4.75
 
 

@@ -39,7 +39,7 @@ def best_threshold(scores: NDArray[np.floating], occupied: Mask) -> float:
 
 
 def best_bin(histogram: Counts) -> int:
-    """The bin from which on cells overlap best with the occupied ones, of (2, B) free and occupied by score; the last of the equally good."""
+    """The bin from which on cells overlap best with the occupied, of (2, B) free and occupied by score; the last of equally good ones."""
     counts = overlaps(histogram)
     over_union = counts[0] / np.maximum(counts.sum(axis=0), 1)
     return int(len(over_union) - 1 - np.argmax(over_union[::-1]))

@@ -29,7 +29,7 @@ from echogrid_training.simulate import simulate
 DENSITIES = (2, 4, 8, 16, 32, 64)  # detections of a radar's scan
 MOUNTINGS = 3  # drawn
 LOST = (0, 1, 2, 3)  # radars
-TOWNS, SECONDS, PATCHES = 2, 20.0, 30
+TOWNS, SECONDS, PATCHES = 3, 20.0, 30
 FAMILY, OTHERS = "test", "train"  # of the towns that are judged by, and of those that thresholds are chosen on
 SEED = 7000  # of the first town: no campaign's
 
