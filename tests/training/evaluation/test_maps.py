@@ -11,6 +11,7 @@ import pytest
 from tests.networks import paper, write
 
 from echogrid.config import load_config
+from echogrid.core.look_map import SURE
 from echogrid.core.messages import RadarScan
 from echogrid.io.drive import find_drive
 from echogrid.io.log import Log
@@ -70,13 +71,19 @@ def test_views_are_five_metres_apart_and_then_of_the_finished_map(driven: tuple[
 
 
 def test_layers_alone(driven: tuple[list[Row], list[View]]) -> None:
-    """Where geometry holds nothing for occupied, the network's mean less a quarter is published, as the tiny network's file says."""
+    """Where geometry holds nothing for occupied, the network's mean less a quarter is published, as the tiny network's file says.
+
+    Where that would be surely free, less of it.
+    """
     of, views = driven
     scores = views[-1].scores
     mean, both, hits = (scores[key] for key in (("tiny, learned layer of looks", 0), ("tiny, looks", 0), (GEOMETRY, 0)))
-    alone = (mean != 0) & (hits <= 0)
-    np.testing.assert_allclose(both[alone], mean[alone] - 0.25, atol=1e-6)
-    assert (both[hits > 3] > -0.2).all()  # a measured hit is not denied
+    alone, sure = (mean != 0) & (hits <= 0), mean - 0.25 < -SURE
+    np.testing.assert_allclose(both[alone & ~sure], mean[alone & ~sure] - 0.25, atol=1e-6)
+    assert (both[alone & sure] > mean[alone & sure] - 0.25).all()
+    assert (both[alone & sure] < -SURE).all()
+    assert (alone & sure).any()
+    assert (both[hits > 3] > -0.33).all()  # a measured hit is not denied
     assert ((scores[GEOMETRY, 0] != 0) <= (both != 0)).all()
     layers = np.array([[[3.0]], [[0.5]], [[4.0]], [[-1.5]]], dtype=np.float32)
     assert learned_layer(layers) == 0.0  # observable for too few of its looks
