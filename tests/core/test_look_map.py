@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from echogrid.core.look_map import DOUBT, KNOWN, LEAST_DOUBT, MOST_LOOKS, RESERVE, STEP, SURE, TURN, UPDATES, Calibration, LookMap
+from echogrid.core.look_map import DOUBT, HIT, KNOWN, LEAST_DOUBT, MOST_LOOKS, RESERVE, STEP, SURE, TURN, UPDATES, Calibration, LookMap
 from echogrid.core.occupancy import OccupancyMap
 from echogrid.core.raster import GridSpec
 from echogrid.core.se2 import IDENTITY, SE2
@@ -56,8 +56,10 @@ def test_a_cell_reads_the_weighted_mean_of_what_it_was_told(seed: int) -> None:
             expected = 1.7 * sum(z * w for z, w, _ in answers) / weight - 0.4
             if expected < -SURE:
                 expected = (expected * weight / UPDATES - SURE * RESERVE) / (weight / UPDATES + RESERVE)
-            if geometric > 0:
+            if geometric > HIT:
                 expected = max(expected, -DOUBT + (DOUBT - LEAST_DOUBT) * geometric / 2.0)
+            elif geometric > 0:
+                expected = max(expected, -SURE)
             assert found[i, j] == pytest.approx(expected, abs=1e-4)
         else:
             unknown += 1
@@ -132,12 +134,14 @@ def test_the_geometric_layer_is_a_sum_within_its_clamp() -> None:
 
 
 def test_the_network_may_doubt_what_was_measured_but_not_deny_it() -> None:
-    """From -0.5 for a faint hit, up to -0.3 where geometry is sure; its own word where that is more."""
-    assert 1 / (1 + math.exp(-told(-9.0, geometric=1e-4))) == pytest.approx(0.3775, abs=1e-4)
+    """From nearly -0.5 for a single hit, up to -0.3 where geometry is sure; its own word where that is more, and beside the hit."""
+    assert 1 / (1 + math.exp(-told(-9.0, geometric=0.41))) == pytest.approx(0.383, abs=1e-3)
     assert told(-9.0, geometric=1.75) == pytest.approx(-0.4)
     assert told(-9.0, geometric=1.75, times=4) == pytest.approx(-0.3)
-    assert told(-0.2, geometric=0.35) == pytest.approx(-0.2)
-    assert told(4.0, geometric=0.35) == pytest.approx(4.0)
+    assert told(-0.2, geometric=0.5) == pytest.approx(-0.2)
+    assert told(4.0, geometric=0.5) == pytest.approx(4.0)
+    assert told(-9.0, geometric=0.39) == told(-9.0, geometric=1e-3) == -1.5  # a trace: not surely free
+    assert told(-1.0, geometric=0.39) == told(-1.0)
     assert told(-9.0, geometric=-1.0) == told(-9.0)  # free or nothing: as the network has it
 
 

@@ -22,8 +22,9 @@ from echogrid.core.tiled_map import LogOdds, TiledMap, View
 STEP, TURN = 0.5, math.radians(3.0)  # m and rad of ego motion after which a new look begins
 UPDATES = 4  # of a look that count; a standing car learns nothing new
 MOST_LOOKS = 20.0  # the mean forgets what is older
-DOUBT, LEAST_DOUBT = 0.5, 0.3  # a measured hit is worth log-odds of at least -DOUBT, rising to -LEAST_DOUBT as geometry nears its clamp
 SURE, RESERVE = 1.5, 1.0  # RESERVE looks of -SURE (p = 0.18) are mixed into what reads less: surely free takes more than one look
+HIT = 0.4  # log-odds of geometry above which a cell is a measured hit; less is a trace, a beam's edge or a hit that rays passed since
+DOUBT, LEAST_DOUBT = 0.5, 0.3  # a hit is worth log-odds of at least -DOUBT, rising to -LEAST_DOUBT as geometry nears its clamp
 KNOWN = 0.5  # how much of its looks a network must hold a cell for observable before it is told of
 
 
@@ -79,15 +80,16 @@ class LookMap(TiledMap):
             add_clamped(layers[3], inside, patch[3, *piece], self.clamp)
 
     def read(self, layers: Layers) -> LogOdds:
-        """The calibrated mean, with two reserves: few looks make nothing surely free, and what was measured may be doubted, not denied."""
+        """The calibrated mean; few looks make nothing surely free, nor does a trace, and a hit may be doubted, not denied."""
         total, weight, looks, geometric = layers
         known = (weight >= KNOWN * looks) & (looks > 0) | (geometric != 0)
         mean = total / np.maximum(weight, np.float32(1e-6))
         log_odds = np.float32(self.calibration.learned) * mean + np.float32(self.calibration.offset)
         reserved = (log_odds * weight - np.float32(SURE * RESERVE)) / (weight + np.float32(RESERVE))
         log_odds = np.where(log_odds < -SURE, reserved, log_odds)
-        doubted = np.float32(-DOUBT) + np.float32((DOUBT - LEAST_DOUBT) / self.clamp) * geometric
-        log_odds = np.where((geometric > 0) & (log_odds < doubted), doubted, log_odds)
+        hit = np.float32(-DOUBT) + np.float32((DOUBT - LEAST_DOUBT) / self.clamp) * geometric
+        least = np.where(geometric > HIT, hit, np.float32(-SURE))
+        log_odds = np.where((geometric > 0) & (log_odds < least), least, log_odds)
         log_odds[log_odds == 0] = np.finfo(np.float32).tiny
         return np.where(known, log_odds, np.float32(0))
 
