@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from tests.networks import default, write
 
-from echogrid.core.look_map import DOUBT, KNOWN
+from echogrid.core.look_map import DOUBT, HIT, KNOWN, SURE
 from echogrid.core.raster import GridSpec
 from echogrid.errors import EchogridError
 from echogrid_training.evaluation import real_astyx
@@ -130,11 +130,12 @@ def test_scores_are_pooled_over_frames(model: str) -> None:
         assert found.average_precision[method] == average_precision(scores, occupied)
     first, (_, weight) = judged[0].scores, judge.network(judge.around(frames[0]))
     measured = judge.geometry(first["detections"][None])
-    known, hit = (weight >= KNOWN) & (measured <= 0), measured > 0
+    known, hit = (weight >= KNOWN) & (measured <= 0), measured > HIT
     np.testing.assert_allclose(first["looks"][known], 2 * first["learned"][known] - 0.3, rtol=1e-4)  # as the map reads one look
     assert known.any()
     assert hit.any()
     assert (first["looks"][hit] >= -DOUBT).all()
+    assert (first["looks"][measured > 0] >= -SURE).all()
     assert not first["looks"][(weight < KNOWN) & (measured == 0)].any()
 
 
