@@ -6,7 +6,9 @@ import argparse
 import json
 import logging
 import shutil
+import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -172,7 +174,11 @@ def _status(arguments: argparse.Namespace) -> None:
     credentials = Credentials(*arguments.tls) if arguments.tls else None
     with Client(arguments.endpoint, arguments.vehicle, credentials) as client, _screen(arguments.watch, plain=arguments.json) as show:
         if arguments.watch:
+            interrupted = threading.Event()  # raised at once, Ctrl-C may be lost in a callback out of foreign code
+            signal.signal(signal.SIGINT, lambda *_: interrupted.set())
             for document, seconds in watch(client):
+                if interrupted.is_set():
+                    raise KeyboardInterrupt
                 if document is not None:
                     show(view(document, client.vehicle))
                 elif not arguments.json:
