@@ -174,7 +174,7 @@ def _status(arguments: argparse.Namespace) -> None:
     credentials = Credentials(*arguments.tls) if arguments.tls else None
     with Client(arguments.endpoint, arguments.vehicle, credentials) as client, _screen(arguments.watch, plain=arguments.json) as show:
         if arguments.watch:
-            interrupted = threading.Event()  # raised at once, Ctrl-C may be lost in a callback out of foreign code
+            interrupted = threading.Event()  # as an exception, Ctrl-C may be lost in a callback out of foreign code
             signal.signal(signal.SIGINT, lambda *_: interrupted.set())
             for document, seconds in watch(client):
                 if interrupted.is_set():
