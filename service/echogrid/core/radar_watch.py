@@ -91,10 +91,10 @@ class RadarWatch:
         off = 0.0 if math.isnan(self._usual_age) else age - self._usual_age
         late = "older" if off > 0 else "younger"
         self.doubt("shifted", abs(off) > AGE_SHIFT, f"shifted in time: its scans are {abs(off) * 1e3:.0f} ms {late} than usual")
-        self._usual_lag = scan.lag if self._usual_lag is None else min(self._usual_lag, scan.lag)  # frames may be late, never early
+        self._usual_lag = scan.lag if self._usual_lag is None else self._usual_lag
         lag = scan.lag - self._usual_lag
         self._usual_lag += lag * step / FORGIVEN  # a sender that started anew is believed again after a while
-        self.doubt("lags", lag > AGE_SHIFT, f"shifted in time: its scans come {lag * 1e3:.0f} ms later than their counter says")
+        self.doubt("lags", abs(lag) > AGE_SHIFT, f"shifted in time: its scans come {lag * 1e3:.0f} ms later than their counter says")
         self._last = scan
         self._watched += step
         usual = step / min(max(self._watched, step, 1e-3), USUAL)  # a plain mean at first
