@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import settings
 
-from tests.ports import free_port
+from tests.support.ports import free_port
 
 settings.register_profile("steady", derandomize=True, deadline=None)  # the same examples each time, however busy the machine
 settings.register_profile("roaming", max_examples=1000, deadline=None)  # make fuzz

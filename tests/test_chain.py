@@ -9,14 +9,14 @@ import can
 import numpy as np
 import pytest
 
-from echogrid.config import load_config
-from echogrid.core.history import Surroundings
-from echogrid.core.look_map import UPDATES, LookMap
-from echogrid.core.raster import GridSpec
-from echogrid.core.se2 import SE2
-from echogrid.core.tiled_map import probability
+from echogrid.config.tables import load_config
+from echogrid.core.evidence.history import Surroundings
+from echogrid.core.evidence.raster import GridSpec
+from echogrid.core.map.look_map import UPDATES, LookMap
+from echogrid.core.map.tiled_map import probability
+from echogrid.core.motion.se2 import SE2
 from echogrid.pipeline import Pipeline
-from tests import networks, world
+from tests.support import networks, world
 
 WALL = world.standing([(x * 0.3, 6.0) for x in range(-20, 160)])
 

@@ -16,20 +16,20 @@ import pytest
 import zenoh
 
 from echogrid.client import Client, MapName, Pose, Window
-from echogrid.config import Publish, Ros
-from echogrid.core.occupancy import OccupancyMap
-from echogrid.core.odometry import EgoState
-from echogrid.core.raster import GridSpec
-from echogrid.core.se2 import SE2
-from echogrid.demo import merge
+from echogrid.commands.demo import merge
+from echogrid.config.tables import Publish, Ros
+from echogrid.core.evidence.raster import GridSpec
+from echogrid.core.map.occupancy import OccupancyMap
+from echogrid.core.motion.odometry import EgoState
+from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
-from echogrid.io import cdr
-from echogrid.io.diagnostics import diagnostics
-from echogrid.io.fleet import compress
-from echogrid.io.publisher import Publisher, session_config
-from echogrid.io.topics import DETECTIONS, KEY, META, Message
-from tests import messages
-from tests.status import status as a_status
+from echogrid.topics import cdr
+from echogrid.topics.diagnostics import diagnostics
+from echogrid.topics.topic import DETECTIONS, KEY, META, Message
+from echogrid.zenoh.fleet import compress
+from echogrid.zenoh.publisher import Publisher, session_config
+from tests.support import messages
+from tests.support.status import status as a_status
 
 PATIENCE = 40.0  # s: far beyond what anything here takes
 LOG_ODDS = np.array([[0, 3.5, -3.5], [1, 0, 0]], dtype=np.float32)
@@ -242,8 +242,8 @@ SERVICE = """
 import sys
 import numpy as np
 from echogrid.config import Publish, Ros
-from echogrid.io.publisher import Publisher
-from tests import messages
+from echogrid.zenoh.publisher import Publisher
+from tests.support import messages
 publisher = Publisher(Publish(listen=(sys.argv[1],)), "car", Ros())
 publisher.put(messages.grid(42, 0, 0, 0.5, np.ones((1024, 1024), dtype=np.float32)))
 print("up", flush=True)

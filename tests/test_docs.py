@@ -9,12 +9,11 @@ import cantools
 import msgspec
 import pytest
 
-from echogrid.config import Config, load_config
+from echogrid.can.profile import MotionProfile, RadarProfile
+from echogrid.can.signals import SignalReader
+from echogrid.config.tables import Config, load_config
 from echogrid.core.health import Health
-from echogrid.io.profile import MotionProfile, RadarProfile
-from echogrid.io.signals import SignalReader
-
-ROOT = Path(__file__).parent.parent
+from tests.support.places import ROOT
 
 
 def keys(kind: object) -> set[str]:

@@ -18,10 +18,10 @@ from typing import Any, NoReturn
 import numpy as np
 
 from echogrid import __version__
-from echogrid.config import Publish
+from echogrid.config.tables import Publish
 from echogrid.errors import EchogridError
-from echogrid.io import journal
-from echogrid.io.foxglove import LOOPBACK, PORT
+from echogrid.recording.foxglove import LOOPBACK, PORT
+from echogrid.watching import journal
 
 
 def main() -> None:
@@ -161,14 +161,14 @@ def _address(text: str) -> tuple[str, int]:
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    from echogrid.app import run  # Zenoh is loaded only where it is used
+    from echogrid.live.service import run  # Zenoh is loaded only where it is used
 
     run(arguments.config, arguments.model, arguments.record, arguments.foxglove)
 
 
 def _status(arguments: argparse.Namespace) -> None:
     from echogrid.client import Client, Credentials  # Zenoh is loaded only where it is used
-    from echogrid.status import as_json, lines, look, silence, watch
+    from echogrid.watching.status_text import as_json, lines, look, silence, watch
 
     view = as_json if arguments.json else lines
     credentials = Credentials(*arguments.tls) if arguments.tls else None
@@ -190,8 +190,8 @@ def _status(arguments: argparse.Namespace) -> None:
 
 
 def _replay(arguments: argparse.Namespace) -> None:
-    from echogrid.io.drive import find_drive
-    from echogrid.replay import replay
+    from echogrid.commands.replay import replay
+    from echogrid.logs.drive import find_drive
 
     drive = find_drive(arguments.drive, arguments.config)
     with _progress(f"replay {arguments.drive.name}") as advance:
@@ -208,8 +208,8 @@ def _replay(arguments: argparse.Namespace) -> None:
 
 
 def _check(arguments: argparse.Namespace) -> None:
-    from echogrid.check import check_log, render
-    from echogrid.config import load_config
+    from echogrid.commands.check import check_log, render
+    from echogrid.config.tables import load_config
     from echogrid.pipeline import Pipeline
 
     config = load_config(arguments.config)
@@ -226,8 +226,8 @@ def _check(arguments: argparse.Namespace) -> None:
 
 
 def _demo(arguments: argparse.Namespace) -> None:
-    from echogrid.demo import demo
-    from echogrid.io.picture import text
+    from echogrid.commands.demo import demo
+    from echogrid.maps.picture import text
 
     with _progress("the demo drive, through the service") as advance:
         summary = demo(arguments.out, arguments.model, advance)
@@ -248,7 +248,7 @@ def _map_info(arguments: argparse.Namespace) -> None:
 
 
 def _map_show(arguments: argparse.Namespace) -> None:
-    from echogrid.io.picture import text
+    from echogrid.maps.picture import text
     from echogrid.maps.show import show
 
     with _progress(f"reading {arguments.file.name}") as advance:

@@ -16,13 +16,9 @@ import zenoh.ext
 from zenoh.handlers import RingChannel
 
 from echogrid.errors import EchogridError
-from echogrid.io import cdr
-from echogrid.io.cdr import DiagnosticArray, Points
-from echogrid.io.credentials import Credentials
-from echogrid.io.fleet import decompress
-from echogrid.io.follower import Follower, KeyName, MapName, Window
-from echogrid.io.publisher import EXAMPLE, key, reason, session_config
-from echogrid.io.topics import (
+from echogrid.topics import cdr
+from echogrid.topics.cdr import DiagnosticArray, Points
+from echogrid.topics.topic import (
     ALIVE,
     DETECTIONS,
     DIAGNOSTICS,
@@ -36,6 +32,10 @@ from echogrid.io.topics import (
     UPDATE,
     Topic,
 )
+from echogrid.zenoh.credentials import Credentials
+from echogrid.zenoh.fleet import decompress
+from echogrid.zenoh.follower import Follower, KeyName, MapName, Window
+from echogrid.zenoh.publisher import EXAMPLE, key, reason, session_config
 
 __all__ = ["Client", "Credentials", "DiagnosticArray", "MapName", "Points", "Pose", "Window"]
 

@@ -9,21 +9,21 @@ from pathlib import Path
 import can
 import numpy as np
 
-from echogrid.config import Config
+from echogrid.can.signals import SignalReader
+from echogrid.config.tables import Config
+from echogrid.core.evidence.history import Surroundings
+from echogrid.core.evidence.inverse_sensor_model import AnalyticSensorModel
+from echogrid.core.evidence.raster import Image, rasterize
 from echogrid.core.health import Health
-from echogrid.core.history import Surroundings
-from echogrid.core.inverse_sensor_model import AnalyticSensorModel
-from echogrid.core.look_map import LookMap
+from echogrid.core.map.look_map import LookMap
+from echogrid.core.map.occupancy import OccupancyMap
+from echogrid.core.map.tiled_map import TiledMap
 from echogrid.core.mapper import Infer, Mapper, MapUpdate
 from echogrid.core.messages import RadarScan
-from echogrid.core.occupancy import OccupancyMap
-from echogrid.core.raster import Image, rasterize
-from echogrid.core.tiled_map import TiledMap
-from echogrid.core.watch import State
+from echogrid.core.trust.watch import State
 from echogrid.errors import EchogridError
-from echogrid.io.signals import SignalReader
-from echogrid.io.stored_map import describe
-from echogrid.io.tile_keeper import TileKeeper
+from echogrid.store.stored_map import describe
+from echogrid.store.tile_keeper import TileKeeper
 
 
 class Pipeline:
@@ -101,7 +101,7 @@ def _analytic(config: Config, why: str) -> SensorModel:
 
 
 def _network(config: Config, source: Path) -> SensorModel:
-    from echogrid.io.model_choice import SHIPPED, choose  # onnxruntime is loaded only where a network runs
+    from echogrid.model.choice import SHIPPED, choose  # onnxruntime is loaded only where a network runs
 
     spec = config.grid.spec()
     mounts = {radar.name: radar.mount() for radar in config.radar}

@@ -23,34 +23,35 @@ import opendbc
 from opendbc.can import CANParser
 from rosbags.typesys import Stores, get_typestore
 
-from echogrid.config import load_config
+from echogrid.can.dbc import Dbc
+from echogrid.can.decode import BatchDecoder, stack
+from echogrid.can.profile import find, load_radar
+from echogrid.can.radar import RadarReader
+from echogrid.can.signals import bus_of
+from echogrid.config.tables import load_config
 from echogrid.core import mapper as mapper_module
+from echogrid.core.evidence.history import Surroundings
+from echogrid.core.evidence.history_raster import HistoryRaster
+from echogrid.core.evidence.raster import Image
 from echogrid.core.health import SensorHealth
-from echogrid.core.history import Surroundings
-from echogrid.core.history_raster import HistoryRaster
-from echogrid.core.look_map import Calibration, LookMap
+from echogrid.core.map.look_map import Calibration, LookMap
+from echogrid.core.map.occupancy import OccupancyMap
+from echogrid.core.map.tiled_map import View
 from echogrid.core.mapper import MapUpdate, in_view
-from echogrid.core.occupancy import OccupancyMap
-from echogrid.core.raster import Image
-from echogrid.core.se2 import SE2
-from echogrid.core.tiled_map import View
-from echogrid.io import cdr, tile_data
-from echogrid.io.announcer import Announcer, Snapshots, occupancy_percent
-from echogrid.io.dbc import Dbc
-from echogrid.io.decode import BatchDecoder, stack
-from echogrid.io.drive import find_drive
-from echogrid.io.log import Log
-from echogrid.io.model import OnnxSensorModel
-from echogrid.io.model_choice import SHIPPED, shipped
-from echogrid.io.profile import find, load_radar
-from echogrid.io.radar import RadarReader
-from echogrid.io.signals import bus_of
+from echogrid.core.motion.se2 import SE2
+from echogrid.logs.drive import find_drive
+from echogrid.logs.log import Log
+from echogrid.model.choice import SHIPPED, shipped
+from echogrid.model.network import OnnxSensorModel
 from echogrid.pipeline import Pipeline
-from echogrid_training import campaign
-from echogrid_training.samples import samples
-from tests.frames import frame, radar_cycle
+from echogrid.store import tile_data
+from echogrid.topics import cdr
+from echogrid.topics.announcer import Announcer, Snapshots, occupancy_percent
+from echogrid_training.drives import campaign
+from echogrid_training.drives.samples import samples
+from tests.support.frames import frame, radar_cycle
+from tests.support.places import ROOT
 
-ROOT = Path(__file__).parent.parent.parent
 DEMO = ROOT / "service" / "echogrid" / "demo_drive"
 ANALYTIC = "rasterise and analytic model, beams of new cells included"
 EVERY = 40  # updates that a map takes, of which one is looked at closely

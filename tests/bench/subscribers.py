@@ -13,32 +13,31 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import can
 import msgspec
 import numpy as np
 import zenoh
 
+from echogrid.can.signals import bus_of
 from echogrid.client import Client
-from echogrid.config import Config, Publish, Ros, load_config
-from echogrid.core.map_delta import around, key_window
+from echogrid.config.tables import Config, Publish, Ros, load_config
+from echogrid.core.map.map_delta import around, key_window
 from echogrid.core.mapper import MapUpdate
-from echogrid.core.odometry import EgoState
-from echogrid.core.se2 import SE2
-from echogrid.io import cdr
-from echogrid.io.announcer import Announcer, Snapshot
-from echogrid.io.drive import Drive, find_drive
-from echogrid.io.log import Log
-from echogrid.io.map_reader import MapReader
-from echogrid.io.publisher import Publisher, session_config
-from echogrid.io.region import Regions
-from echogrid.io.signals import bus_of
+from echogrid.core.motion.odometry import EgoState
+from echogrid.core.motion.se2 import SE2
+from echogrid.logs.drive import Drive, find_drive
+from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
-from tests.ports import free_port
-from tests.test_router import router
+from echogrid.topics import cdr
+from echogrid.topics.announcer import Announcer, Snapshot
+from echogrid.zenoh.map_reader import MapReader
+from echogrid.zenoh.publisher import Publisher, session_config
+from echogrid.zenoh.region import Regions
+from tests.support.places import DEMO
+from tests.support.ports import free_port
+from tests.zenoh.test_router import router
 
-DEMO = Path(__file__).parents[2] / "service" / "echogrid" / "demo_drive"
 KEYS = "echogrid/v1/car/grid/fused/*"
 RATE = 20.0  # maps a second
 

@@ -11,14 +11,13 @@ import logging
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from echogrid.config import load_config
+from echogrid.config.tables import load_config
 from echogrid.pipeline import Pipeline
 from tests.endurance.distance import distance
 from tests.endurance.kill import kills, summary
 from tests.endurance.load import loads, measure
 from tests.endurance.soak import soak
-
-DEMO = Path(__file__).parent.parent.parent / "service" / "echogrid" / "demo_drive"
+from tests.support.places import DEMO
 
 
 def main() -> None:

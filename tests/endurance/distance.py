@@ -12,10 +12,10 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from echogrid.app import resident_mib
-from echogrid.config import load_config
+from echogrid.config.tables import load_config
+from echogrid.core.map.tiled_map import LogOdds, probability
 from echogrid.core.messages import RadarScan, Speed
-from echogrid.core.tiled_map import LogOdds, probability
+from echogrid.live.service import resident_mib
 from echogrid.pipeline import Pipeline
 from tests.endurance.chart import Curve, chart
 from tests.endurance.street import ClosedStreet

@@ -19,17 +19,17 @@ from typing import Any
 
 import numpy as np
 
-from echogrid.config import Store
-from echogrid.core.look_map import Calibration, LookMap
-from echogrid.core.raster import GridSpec
-from echogrid.core.se2 import SE2
-from echogrid.core.tile import SIDE, Tile, TileKey
-from echogrid.core.tiled_map import View
-from echogrid.io.stored_map import describe
-from echogrid.io.tile_keeper import TileKeeper
-from echogrid.io.tile_store import TileStore
+from echogrid.config.tables import Store
+from echogrid.core.evidence.raster import GridSpec
+from echogrid.core.map.look_map import Calibration, LookMap
+from echogrid.core.map.tile import SIDE, Tile, TileKey
+from echogrid.core.map.tiled_map import View
+from echogrid.core.motion.se2 import SE2
+from echogrid.store.stored_map import describe
+from echogrid.store.tile_keeper import TileKeeper
+from echogrid.store.tile_store import TileStore
+from tests.support.places import ROOT
 
-ROOT = Path(__file__).parent.parent.parent
 SPEC = GridSpec(cells=32, cell=0.25)
 ROOM = 6  # tiles in memory, of 30 that the car visits
 FLUSH_S = 0.1  # the shortest that a configuration may say

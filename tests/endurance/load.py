@@ -10,9 +10,9 @@ from typing import Any
 
 import can
 
-from echogrid.app import Service
-from echogrid.config import load_config
-from echogrid.demo import on_virtual_buses, senders
+from echogrid.commands.demo import on_virtual_buses, senders
+from echogrid.config.tables import load_config
+from echogrid.live.service import Service
 from echogrid.pipeline import Pipeline
 from tests.endurance.loop import EndlessDrive
 

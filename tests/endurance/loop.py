@@ -9,10 +9,10 @@ from pathlib import Path
 import can
 import numpy as np
 
-from echogrid.config import Config
+from echogrid.can.signals import bus_of
+from echogrid.config.tables import Config
 from echogrid.core.messages import Speed, YawRate
-from echogrid.io.log import Log
-from echogrid.io.signals import bus_of
+from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
 
 SEAM = 30.0  # s at the drive's end among which the cut is looked for

@@ -10,9 +10,9 @@ from typing import Any
 
 import msgspec
 
-from echogrid.app import Service
-from echogrid.config import load_config
-from echogrid.demo import AHEAD_FRAMES, on_virtual_buses, senders
+from echogrid.commands.demo import AHEAD_FRAMES, on_virtual_buses, senders
+from echogrid.config.tables import load_config
+from echogrid.live.service import Service
 from echogrid.pipeline import Pipeline
 from tests.endurance.chart import Curve, chart
 from tests.endurance.loop import EndlessDrive

@@ -11,8 +11,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from echogrid.core.messages import EgoMotion, Floats, RadarScan, Speed, YawRate
-from echogrid.core.mount import Mount
-from echogrid.core.odometry import EgoState, Odometry
+from echogrid.core.motion.odometry import EgoState, Odometry
+from echogrid.core.radar.mount import Mount
 
 SPEED = 20.0  # m/s
 STRAIGHTS = (1600.0, 660.0)  # m, each twice

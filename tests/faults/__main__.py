@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 
 from tests.faults.drive import stretch
 from tests.faults.experiment import Outcome, Ride, compare
 from tests.faults.faults import FAULTS, Fault
+from tests.support.places import DOCS
 
-PAGE = Path(__file__).parents[2] / "docs" / "reliability.md"
+PAGE = DOCS / "reliability.md"
 BEGIN, END = "<!-- faults -->", "<!-- end of faults -->"
 FIRST, SECONDS, WARM, CELLS = 10.0, 16.0, 6.0, 64  # of the demo, s; the fault comes between WARM and WARM + 1 and is over after 4 s
 SEEDS = range(3)

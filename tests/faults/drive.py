@@ -10,15 +10,14 @@ import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import can
 
-from echogrid.io.log import Log
-from tests.frames import MOTION, RADAR, crc8
+from echogrid.logs.log import Log
+from tests.support.frames import MOTION, RADAR, crc8
+from tests.support.places import DEMO
 
-DEMO = Path(__file__).parents[2] / "service" / "echogrid" / "demo_drive"
 RADARS = ("front_left", "front_right", "rear_left", "rear_right")  # radar n's ids are those of the DBC and 16 n
 WHEELS, YAW_RATE = 0x100, 0x102
 

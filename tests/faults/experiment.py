@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from echogrid.config import Config, load_config
-from echogrid.core.se2 import SE2
-from echogrid.core.tiled_map import probability
-from echogrid.core.watch import State
+from echogrid.config.tables import Config, load_config
+from echogrid.core.map.tiled_map import probability
+from echogrid.core.motion.se2 import SE2
+from echogrid.core.trust.watch import State
 from echogrid.pipeline import Pipeline
 from tests.faults.drive import DEMO, Frame
 from tests.faults.faults import Fault

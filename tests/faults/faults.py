@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from echogrid.core.watch import State
+from echogrid.core.trust.watch import State
 from tests.faults.drive import (
     RADARS,
     WHEELS,

@@ -14,25 +14,27 @@ from pathlib import Path
 
 import can
 
+from echogrid.can import radar, signals
+from echogrid.can.dbc import Dbc
+from echogrid.can.motion import MotionReader
+from echogrid.can.profile import load_motion, load_radar, shipped
+from echogrid.can.radar import RadarReader
+from echogrid.can.signals import SignalReader, bus_of
 from echogrid.client import _json
-from echogrid.config import load_config
+from echogrid.config.tables import load_config
+from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.health import Health, SensorHealth
-from echogrid.core.raster import GridSpec
 from echogrid.errors import EchogridError
-from echogrid.io import cdr, map_server, radar, signals
-from echogrid.io.dbc import Dbc
-from echogrid.io.dense_map import read_npz
-from echogrid.io.drive import load_truth
-from echogrid.io.fleet import decompress
-from echogrid.io.log import Log
-from echogrid.io.model import OnnxSensorModel
-from echogrid.io.motion import MotionReader
-from echogrid.io.profile import load_motion, load_radar, shipped
-from echogrid.io.radar import RadarReader
-from echogrid.io.signals import SignalReader, bus_of
-from echogrid.io.tile_store import TileStore
+from echogrid.logs.drive import load_truth
+from echogrid.logs.log import Log
+from echogrid.maps import map_server
+from echogrid.maps.dense_map import read_npz
+from echogrid.model.network import OnnxSensorModel
 from echogrid.pipeline import Pipeline
-from tests import frames, networks
+from echogrid.store.tile_store import TileStore
+from echogrid.topics import cdr
+from echogrid.zenoh.fleet import decompress
+from tests.support import frames, networks
 
 _TEMPORARY = tempfile.TemporaryDirectory(prefix="echogrid-fuzz-")
 FOLDER = Path(_TEMPORARY.name)

@@ -5,13 +5,11 @@ from __future__ import annotations
 import importlib.util
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from tests.fuzz.targets import CORPUS, TARGETS, corpus
-
-ROOT = Path(__file__).parent.parent.parent
+from tests.support.places import ROOT
 
 
 @pytest.mark.filterwarnings("default")  # a hostile file may warn

@@ -8,13 +8,12 @@ import subprocess
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 
 import can
 
-from echogrid.io.log import Log
+from echogrid.logs.log import Log
+from tests.support.places import DEMO
 
-DEMO = Path(__file__).parent.parent.parent / "service" / "echogrid" / "demo_drive"
 VEHICLE = "test-16-organic"  # the demo drive's
 CHASSIS, RADARS = "rigcan0", "rigcan1"  # classic CAN and CAN FD
 CLASSIC_MTU, FD_MTU = 16, 72

@@ -18,15 +18,15 @@ import can
 import numpy as np
 import pytest
 
+from echogrid.can.signals import SignalReader
 from echogrid.client import Client
-from echogrid.config import load_config
+from echogrid.commands.replay import Recorder
+from echogrid.config.tables import load_config
 from echogrid.core.health import Health
-from echogrid.io.map_files import sha256
-from echogrid.io.signals import SignalReader
-from echogrid.io.stored_map import stored_map
-from echogrid.io.tile_store import TileStore
+from echogrid.maps.map_files import sha256
 from echogrid.pipeline import Pipeline
-from echogrid.replay import Recorder
+from echogrid.store.stored_map import stored_map
+from echogrid.store.tile_store import TileStore
 from tests.rig import real_bus
 from tests.rig.real_bus import CHASSIS, RADARS
 
@@ -41,7 +41,7 @@ def _interfaces() -> Iterator[None]:
     except real_bus.NoInterfacesError as why:
         if os.environ.get("RIG") in ("guest", "here"):
             raise
-        pytest.skip(f"{why}; test_guest.py runs this in a guest, tests/test_service.py covers it on virtual buses")
+        pytest.skip(f"{why}; test_guest.py runs this in a guest, tests/live/test_service.py covers it on virtual buses")
 
 
 class Running:

@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 
 from echogrid.client import Client
-from echogrid.core.tiled_map import LogOdds
-from echogrid.io.stored_map import stored_map
-from echogrid.io.tile_store import TileStore
+from echogrid.core.map.tiled_map import LogOdds
+from echogrid.store.stored_map import stored_map
+from echogrid.store.tile_store import TileStore
 from tests.rig import real_bus
+from tests.support.places import ROOT
 
 log = logging.getLogger("rig")
-ROOT = Path(__file__).parent.parent.parent
 UNIT = "echogrid.service"
 CONFIG = Path("/etc/echogrid/echogrid.toml")
 STATE = Path("/var/lib/private/echogrid")  # where a DynamicUser's /var/lib/echogrid is
@@ -31,7 +31,7 @@ PORT = 7447
 PATIENCE = 120.0  # s
 
 if os.environ.get("RIG") not in ("guest", "here"):
-    pytest.skip("'make test-rig' runs this under systemd; tests/io/test_systemd.py covers the protocol", allow_module_level=True)
+    pytest.skip("'make test-rig' runs this under systemd; tests/watching/test_systemd.py covers the protocol", allow_module_level=True)
 
 
 def done(*command: str) -> str:

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
-UNIT = Path(__file__).parent.parent.parent / "deploy" / "echogrid.service"
+from tests.support.places import DEPLOY
+
+UNIT = DEPLOY / "echogrid.service"
 
 pytestmark = pytest.mark.skipif(
     shutil.which("systemd-analyze") is None, reason="there is no systemd-analyze; 'make test-rig' installs systemd"

@@ -8,11 +8,11 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # networks here are tiny: threads would wait for each other longer than they work
 
 import pytest
-from tests.training.rectangles import rectangles
+from tests.support.rectangles import rectangles
 
-from echogrid.core.look_map import Calibration
-from echogrid_training.export import export
-from echogrid_training.train import Settings, Trained, fit
+from echogrid.core.map.look_map import Calibration
+from echogrid_training.learning.export import export
+from echogrid_training.learning.train import Settings, Trained, fit
 
 READ_OUT = Calibration(1.5, -1.0)
 

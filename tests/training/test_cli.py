@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from tests.training.recordings import make_recording
+from tests.support.recordings import make_recording
 
-from echogrid.config import load_config
+from echogrid.config.tables import load_config
 from echogrid_training import cli
 from echogrid_training.recording import Recording
 

@@ -2,6 +2,6 @@
 
 import os
 
-os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read where onnxruntime is imported, as in echogrid.io.model
+os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read where onnxruntime is imported, as in echogrid.model.network
 
 __version__ = "0.1.0"

@@ -13,14 +13,17 @@ from rich.console import Console
 from rich.progress import Progress, track
 
 from echogrid.errors import EchogridError
-from echogrid_training import campaign, demo, fit, inspect_drive, nuscenes, radarscenes, report, reproduce
-from echogrid_training.drive import check_free, write_drive
+from echogrid_training.drives import campaign, demo, inspect_drive, nuscenes, radarscenes
+from echogrid_training.drives.drive import check_free, write_drive
+from echogrid_training.drives.frames import Report
 from echogrid_training.evaluation import real, sim
-from echogrid_training.frames import Report
-from echogrid_training.ground_truth import TruthMap
+from echogrid_training.learning import fit
+from echogrid_training.paper import reproduce
+from echogrid_training.realism import report
 from echogrid_training.recording import Recording, Track, untracked
-from echogrid_training.scene import drive
-from echogrid_training.style import FAMILIES
+from echogrid_training.streets.style import FAMILIES
+from echogrid_training.truth.ground_truth import TruthMap
+from echogrid_training.worlds.scene import drive
 
 
 def main(arguments: list[str] | None = None) -> int:

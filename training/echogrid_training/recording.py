@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from echogrid.config import Body
+from echogrid.config.tables import Body
 from echogrid.core.messages import Floats, RadarScan
-from echogrid.core.se2 import SE2
+from echogrid.core.motion.se2 import SE2
 
 Stamps = NDArray[np.int64]
 Track = Callable[[Iterable[Any], str], Iterable[Any]]  # (things, what is being done) -> the same things, with a progress bar or without

@@ -8,17 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.core.evidence.history import Detections, History, Looks, Surroundings
+from echogrid.core.evidence.raster import GridSpec, Image
 from echogrid.core.health import Health
-from echogrid.core.history import Detections, History, Looks, Surroundings
+from echogrid.core.map.tiled_map import Shelf, TiledMap, View
 from echogrid.core.messages import EgoMotion, Floats, RadarScan
-from echogrid.core.motion_watch import Verdict
-from echogrid.core.mount import Mount
-from echogrid.core.odometry import EgoState, Odometry
-from echogrid.core.placed_scan import PlacedScan
-from echogrid.core.raster import GridSpec, Image
-from echogrid.core.static_gate import GateNoise, beside_movers, deviation
-from echogrid.core.tiled_map import Shelf, TiledMap, View
-from echogrid.core.watch import Watch
+from echogrid.core.motion.odometry import EgoState, Odometry
+from echogrid.core.radar.mount import Mount
+from echogrid.core.radar.placed_scan import PlacedScan
+from echogrid.core.radar.static_gate import GateNoise, beside_movers, deviation
+from echogrid.core.trust.motion_watch import Verdict
+from echogrid.core.trust.watch import Watch
 
 BACK_NS = 1_000_000_000  # frames of several buses come out of order by less
 

@@ -1,1 +1,1 @@
-"""Stored maps: the commands `echogrid map info | show | export | import | merge`. docs/maps.md."""
+"""What stored maps become: pictures, ROS map_server files, npz, merged maps. docs/maps.md."""

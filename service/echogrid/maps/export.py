@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from echogrid.core.map_delta import Rectangle
-from echogrid.core.tile import SIDE, Tile, TileKey
+from echogrid.core.map.map_delta import Rectangle
+from echogrid.core.map.tile import SIDE, Tile, TileKey
 from echogrid.errors import EchogridError
-from echogrid.io import map_server
-from echogrid.io.dense_map import MOST_CELLS, Bands, write_npz
-from echogrid.io.files import whole
-from echogrid.io.picture import shade
-from echogrid.io.stored_epoch import OnProgress, StoredEpoch, part
-from echogrid.io.tile_store import SUFFIX
+from echogrid.files import whole
+from echogrid.maps import map_server
+from echogrid.maps.dense_map import MOST_CELLS, Bands, write_npz
 from echogrid.maps.files import may_write, new_store, open_store
+from echogrid.maps.picture import shade
+from echogrid.maps.stored_epoch import OnProgress, StoredEpoch, part
+from echogrid.store.tile_store import SUFFIX
 
 FORMATS = {"ros": ".yaml", "png": ".png", "npz": ".npz", "egmap": SUFFIX}
 AT_ONCE = 64  # tiles that are in memory

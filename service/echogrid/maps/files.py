@@ -7,10 +7,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from echogrid.errors import EchogridError
-from echogrid.io import map_server
-from echogrid.io.dense_map import DenseMap, read_npz
-from echogrid.io.files import whole
-from echogrid.io.tile_store import SUFFIX, ForeignFileError, StoreError, TileStore
+from echogrid.files import whole
+from echogrid.maps import map_server
+from echogrid.maps.dense_map import DenseMap, read_npz
+from echogrid.store.tile_store import SUFFIX, ForeignFileError, StoreError, TileStore
 
 
 def open_store(path: Path) -> TileStore:

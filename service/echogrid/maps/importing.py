@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from echogrid.core.look_map import Calibration
-from echogrid.core.tile import MOST_RADARS, Tile, TileKey
-from echogrid.core.tiled_map import pieces
+from echogrid.core.map.look_map import Calibration
+from echogrid.core.map.tile import MOST_RADARS, Tile, TileKey
+from echogrid.core.map.tiled_map import pieces
 from echogrid.errors import EchogridError
-from echogrid.io.stored_epoch import OnProgress
-from echogrid.io.tile_store import SUFFIX, Description
 from echogrid.maps.files import may_write, new_store, read_dense
+from echogrid.maps.stored_epoch import OnProgress
+from echogrid.store.tile_store import SUFFIX, Description
 
 AT_ONCE = 64  # tiles in one transaction
 CLAMP = 3.5  # log-odds, of the maps it is merged to

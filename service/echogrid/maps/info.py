@@ -6,9 +6,9 @@ import datetime
 from pathlib import Path
 from typing import Any
 
-from echogrid.io.stored_epoch import OnProgress, StoredEpoch, part
-from echogrid.io.tile_store import VERSION
 from echogrid.maps.files import open_store
+from echogrid.maps.stored_epoch import OnProgress, StoredEpoch, part
+from echogrid.store.tile_store import VERSION
 
 
 def info(path: Path, on_progress: OnProgress | None = None) -> dict[str, Any]:

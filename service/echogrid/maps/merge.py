@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from echogrid.core.merge import Placement, Source, merge_tile, placement, touched
-from echogrid.core.se2 import SE2
-from echogrid.core.tile import MOST_RADARS, Tile, TileKey
+from echogrid.core.map.merge import Placement, Source, merge_tile, placement, touched
+from echogrid.core.map.tile import MOST_RADARS, Tile, TileKey
+from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
-from echogrid.io.stored_epoch import OnProgress, StoredEpoch
-from echogrid.io.tile_store import SUFFIX, Description
 from echogrid.maps.files import may_write, new_store, open_store
+from echogrid.maps.stored_epoch import OnProgress, StoredEpoch
+from echogrid.store.tile_store import SUFFIX, Description
 
 AT_ONCE = 128  # merged tiles that are in memory
 PATIENCE = 10.0  # s that the scheduler is waited for

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from echogrid.core.tiled_map import LogOdds
+from echogrid.core.map.tiled_map import LogOdds
 from echogrid.errors import EchogridError
-from echogrid.io.files import whole
-from echogrid.io.picture import LONGEST, draw, shrink
-from echogrid.io.stored_epoch import OnProgress, StoredEpoch
-from echogrid.io.tile_store import SUFFIX
+from echogrid.files import whole
 from echogrid.maps.files import may_write, open_store, read_dense
+from echogrid.maps.picture import LONGEST, draw, shrink
+from echogrid.maps.stored_epoch import OnProgress, StoredEpoch
+from echogrid.store.tile_store import SUFFIX
 
 
 def show(

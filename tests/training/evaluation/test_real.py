@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from tests.networks import default, write
-from tests.training import test_nuscenes, test_radarscenes
-from tests.training.evaluation import posts, test_real_astyx
+from tests.support import posts
+from tests.support.networks import default, write
+from tests.training.drives import test_nuscenes, test_radarscenes
+from tests.training.evaluation.recorded import test_astyx as test_real_astyx
 
 from echogrid.errors import EchogridError
 from echogrid_training.evaluation.real import add_real_arguments, finite, run_real

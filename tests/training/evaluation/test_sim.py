@@ -11,21 +11,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from tests.networks import default, write
+from tests.support.networks import default, write
+from tests.support.rectangles import rectangles
+from tests.support.tiny_towns import room, town, track
 from tests.training.evaluation.conftest import SHARES
-from tests.training.rectangles import rectangles
-from tests.training.tiny_towns import room, town, track
 
 from echogrid.errors import EchogridError
-from echogrid_training.drive import write_drive
-from echogrid_training.episode import paper_like
-from echogrid_training.evaluation import calibrating, probes, sim
-from echogrid_training.evaluation.baselines import BASELINES
-from echogrid_training.evaluation.patches import STRATA
-from echogrid_training.evaluation.results import cleaned
-from echogrid_training.evaluation.table import markdown, number
-from echogrid_training.simulate import simulate
-from echogrid_training.train import Settings, fit
+from echogrid_training.drives.drive import write_drive
+from echogrid_training.drives.simulate import simulate
+from echogrid_training.evaluation import sim
+from echogrid_training.evaluation.simulated import calibrating, probes
+from echogrid_training.evaluation.simulated.baselines import BASELINES
+from echogrid_training.evaluation.simulated.patches import STRATA
+from echogrid_training.evaluation.simulated.results import cleaned
+from echogrid_training.evaluation.tables.table import markdown, number
+from echogrid_training.learning.train import Settings, fit
+from echogrid_training.sensors.episode import paper_like
 
 
 def options(*arguments: str) -> argparse.Namespace:

@@ -1,0 +1,1 @@
+"""How good a map is: on simulated drives and on recorded ones."""

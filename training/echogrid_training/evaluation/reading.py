@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from echogrid.core.messages import Floats
 from echogrid_training.evaluation.metrics import Mask, best_threshold, surprise
-from echogrid_training.logistic import fit_logistic
+from echogrid_training.learning.logistic import fit_logistic
 
 Scores = NDArray[np.float32]  # the higher, the more likely occupied; exactly 0 where a method says nothing
 

@@ -16,14 +16,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from echogrid.core.raster import GridSpec
-from echogrid.io.model_choice import choose
-from echogrid_training import nuscenes, radarscenes
-from echogrid_training.drive import write_drive
-from echogrid_training.evaluation import real_astyx, real_picture
-from echogrid_training.evaluation.real_comparison import DriveScores, compare, summaries
-from echogrid_training.evaluation.real_drive import hear
-from echogrid_training.evaluation.real_tables import drive_tables, frame_table
+from echogrid.core.evidence.raster import GridSpec
+from echogrid.model.choice import choose
+from echogrid_training.drives import nuscenes, radarscenes
+from echogrid_training.drives.drive import write_drive
+from echogrid_training.evaluation.recorded import astyx as real_astyx
+from echogrid_training.evaluation.recorded import picture as real_picture
+from echogrid_training.evaluation.recorded.comparison import DriveScores, compare, summaries
+from echogrid_training.evaluation.recorded.drive import hear
+from echogrid_training.evaluation.recorded.tables import drive_tables, frame_table
 from echogrid_training.recording import Recording, Track, untracked
 
 Load = Callable[[], Recording]

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from echogrid.errors import EchogridError
-from echogrid_training.dataset import find_drives
-from echogrid_training.fit import positive, some
+from echogrid_training.learning.dataset import find_drives
+from echogrid_training.learning.fit import positive, some
 from echogrid_training.recording import Track, untracked
 
 CALIBRATED = 8  # drives at most for patches
@@ -52,8 +52,9 @@ def named(text: str) -> tuple[str, Path]:
 
 def run(options: argparse.Namespace, track: Track = untracked) -> str:
     """Calibrates, judges, writes; returns the tables in Markdown. Raises EchogridError."""
-    from echogrid_training.evaluation import calibrating, judging, report, results, sweep
-    from echogrid_training.evaluation.learned import File
+    from echogrid_training.evaluation.simulated import calibrating, judging, results, sweep
+    from echogrid_training.evaluation.simulated.learned import File
+    from echogrid_training.evaluation.tables import report
 
     tested, others = find_drives(options.test), some(find_drives(options.calibrate), CALIBRATED)
     check_apart(tested, others)

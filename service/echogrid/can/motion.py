@@ -1,0 +1,125 @@
+"""Frames of wheel speeds, yaw rate and direction of travel into ego motion."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import can
+from cantools.database.can import Message
+
+from echogrid.can.cadence import JUMP, Cadence
+from echogrid.can.dbc import Checksum, Dbc
+from echogrid.can.decode import SignalLayout
+from echogrid.can.profile import FrameCrc, MotionProfile
+from echogrid.can.quantity import QuantityReader
+from echogrid.core.health import Health
+from echogrid.core.messages import EgoMotion, Speed, YawRate
+from echogrid.errors import EchogridError
+
+FrameId = tuple[int, bool]
+
+
+class MotionReader:
+    """Remembers the message counters and the last known direction of travel."""
+
+    def __init__(self, profile: MotionProfile, dbc: Dbc, wheel_radius: float | None, health: Health) -> None:
+        """`wheel_radius` (m) turns turn rates into speeds. Raises EchogridError where the profile names what the DBC does not have,
+        or the radius is missing or not needed."""
+        if profile.wheel_speeds.are_turn_rates and wheel_radius is None:
+            raise EchogridError(f"motion.wheel_radius is missing: {dbc.profile} reports turn rates of the wheels")
+        if wheel_radius is not None and not profile.wheel_speeds.are_turn_rates:
+            raise EchogridError(f"motion.wheel_radius is given, but {dbc.profile} reports speeds, not turn rates")
+        self.profile = profile
+        self.health = health
+        self.metres_per_unit = wheel_radius if profile.wheel_speeds.are_turn_rates and wheel_radius else 1.0
+        wheels, yaw = profile.wheel_speeds, profile.yaw_rate
+        wheel_message = dbc.message(wheels.message, "wheel_speeds.message")
+        yaw_message = dbc.message(yaw.message, "yaw_rate.message")
+        rear = {"rear_left": wheels.rear_left, "rear_right": wheels.rear_right}
+        self.wheels = QuantityReader(dbc, [wheel_message], rear, "wheel_speeds")
+        self.yaw_rate = QuantityReader(dbc, [yaw_message], {"yaw_rate": yaw.yaw_rate}, "yaw_rate")
+        self.wheel_id, self.yaw_id = _id(wheel_message), _id(yaw_message)
+        self.checks = {
+            self.wheel_id: _FrameCheck(dbc, wheel_message, wheels.counter, wheels.crc, "wheel_speeds"),
+            self.yaw_id: _FrameCheck(dbc, yaw_message, yaw.counter, yaw.crc, "yaw_rate"),
+        }
+        self.direction: SignalLayout | None = None
+        self.direction_id: FrameId | None = None
+        if profile.direction is not None:
+            message = dbc.message(profile.direction.message, "direction.message")
+            self.direction = dbc.integer(message, profile.direction.signal, "direction.signal")
+            self.direction_id = _id(message)
+            self.checks.setdefault(self.direction_id, _FrameCheck(dbc, message, None, None, "direction"))
+        self.reverse = False
+
+    @property
+    def ids(self) -> set[FrameId]:
+        """The frames that are read."""
+        return set(self.checks)
+
+    def add(self, message: can.Message, received_ns: int) -> list[EgoMotion]:
+        """What the frame says of the motion. Raises ValueError for a frame that is unsound: it changes nothing."""
+        frame_id = (message.arbitration_id, message.is_extended_id)
+        payload = self.checks[frame_id].payload(message)
+        motion: list[EgoMotion] = []
+        reverse = self.reverse
+        if frame_id == self.direction_id and self.direction is not None and self.profile.direction is not None:
+            raw = self.direction.raw(payload)
+            if raw not in self.profile.direction.unknown:
+                reverse = raw in self.profile.direction.reverse
+        if frame_id == self.wheel_id:
+            rear = self.wheels.read([payload])
+            speed = (float(rear["rear_left"][0]) + float(rear["rear_right"][0])) / 2 * self.metres_per_unit
+            stamp_ns = received_ns - round(self.profile.wheel_speeds.latency_ms * 1e6)
+            motion.append(Speed(stamp_ns, -speed if reverse else speed))
+        if frame_id == self.yaw_id:
+            yaw_rate = float(self.yaw_rate.read([payload])["yaw_rate"][0])
+            motion.append(YawRate(received_ns - round(self.profile.yaw_rate.latency_ms * 1e6), yaw_rate))
+        if any(math.isnan(m.speed if isinstance(m, Speed) else m.yaw_rate) for m in motion):
+            raise ValueError("invalid value")
+        check = self.checks[frame_id]
+        continues = check.accept(payload, received_ns)
+        self.health.lost_frames += check.missing
+        self.reverse = reverse
+        return motion if continues else [replace(sample, continues=False) for sample in motion]
+
+
+class _FrameCheck:
+    """Length, checksum and counter of one message; remembers the counter."""
+
+    def __init__(self, dbc: Dbc, message: Message, counter: str | None, crc: FrameCrc | None, key: str) -> None:
+        self.length = message.length
+        self.counter = dbc.integer(message, counter, f"{key}.counter") if counter else None
+        self.crc: Checksum | None = dbc.checksum(message, crc.signal, crc.algorithm, f"{key}.crc") if crc else None
+        self.last: int | None = None
+        self.cadence = Cadence(self.counter.length) if self.counter is not None else None
+
+    @property
+    def missing(self) -> int:
+        """Frames between the last two, by their counters."""
+        return 0 if self.cadence is None else self.cadence.missing
+
+    def payload(self, message: can.Message) -> bytes:
+        """The message's bytes; raises ValueError where they are unsound."""
+        payload = bytes(message.data[: self.length])
+        if len(payload) < self.length:
+            raise ValueError("too short")
+        if self.crc is not None and not self.crc.holds(payload):
+            raise ValueError("wrong checksum")
+        if self.counter is not None and self.counter.raw(payload) == self.last:
+            raise ValueError("repeated counter")
+        return payload
+
+    def accept(self, payload: bytes, received_ns: int) -> bool:
+        """Takes the counter over; False where time has jumped since the last frame."""
+        if self.counter is None or self.cadence is None:
+            return True
+        self.last = self.counter.raw(payload)
+        before = self.cadence.lag
+        self.cadence.add(self.last, received_ns)
+        return abs(self.cadence.lag - before) < JUMP
+
+
+def _id(message: Message) -> FrameId:
+    return message.frame_id, message.is_extended_frame

@@ -1,0 +1,154 @@
+"""CAN messages in, scans and ego motion out: who reads which id on which bus."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import can
+
+from echogrid.can.dbc import Dbc
+from echogrid.can.motion import MotionReader
+from echogrid.can.profile import MotionProfile, RadarProfile, find, load_motion, load_radar
+from echogrid.can.radar import FrameId, RadarReader
+from echogrid.config.tables import Bus, Config
+from echogrid.core.health import Health, SensorHealth
+from echogrid.core.messages import EgoMotion, RadarScan
+from echogrid.errors import EchogridError
+
+STEP_NS = 1_000_000_000  # a frame that is older or newer than the newest by more is no reordering: it is a stray, or time has stepped
+BACK_FOR_NS = 1_000_000_000  # frames that go on for so long before the newest one: the clock was set back
+AHEAD_FOR = 5  # frames in a row so far after it: there was a pause, or the clock was set forward
+
+
+class TrafficTime:
+    """Remembers the newest frame's time, and a run of frames that disagree with it. One stray frame moves nothing."""
+
+    def __init__(self) -> None:
+        self.newest_ns: int | None = None
+        self.set_back = 0  # how many times
+        self._run_ns: tuple[int, int] | None = None  # first and newest of the frames that disagree
+        self._run = 0
+
+    def takes(self, received_ns: int) -> bool:
+        """Whether a frame's time is to be believed."""
+        if self.newest_ns is None or abs(received_ns - self.newest_ns) <= STEP_NS:
+            self.newest_ns = received_ns if self.newest_ns is None else max(received_ns, self.newest_ns)
+            self._run_ns = None
+            return True
+        if self._run_ns is None or abs(received_ns - self._run_ns[1]) > STEP_NS:
+            self._run_ns, self._run = (received_ns, received_ns), 0
+        self._run_ns = self._run_ns[0], max(received_ns, self._run_ns[1])
+        self._run += 1
+        back = received_ns < self.newest_ns
+        if self.waiting_ns < BACK_FOR_NS if back else self._run < AHEAD_FOR:
+            return False
+        self.set_back += back
+        self.newest_ns, self._run_ns = received_ns, None
+        return True
+
+    @property
+    def waiting_ns(self) -> int:
+        """For how long frames have come that disagree."""
+        return 0 if self._run_ns is None else self._run_ns[1] - self._run_ns[0]
+
+
+class SignalReader:
+    """Remembers the half-assembled scans and counters of all sensors, and the time of the traffic."""
+
+    def __init__(self, config: Config, source: Path, health: Health) -> None:
+        """`source`: the configuration's file; its relative paths begin in its folder. Raises EchogridError."""
+        self.source = source
+        self.health = health
+        self.time = TrafficTime()
+        self.readers: dict[tuple[str, FrameId], RadarReader | MotionReader] = {}
+        with _named(source, "motion"):
+            path = find(config.motion.profile, source.parent)
+            motion = load_motion(path)
+            dbc = Dbc(_dbc_path(motion, config.motion.dbc, path, source), path)
+            self._register(config.motion.bus, MotionReader(motion, dbc, config.motion.wheel_radius, health), "motion")
+        for index, radar in enumerate(config.radar):
+            with _named(source, f"radar[{index}]"):
+                path = find(radar.profile, source.parent)
+                profile = load_radar(path)
+                dbc = Dbc(_dbc_path(profile, radar.dbc, path, source), path)
+                sensor = health.sensors.setdefault(radar.name, SensorHealth())
+                self._register(radar.bus, RadarReader(radar.name, profile, dbc, radar.id_offset, sensor), radar.name)
+
+    def _register(self, bus: str, reader: RadarReader | MotionReader, name: str) -> None:
+        for frame_id in sorted(reader.ids):
+            other = self.readers.setdefault((bus, frame_id), reader)
+            if other is not reader:
+                taken = "motion" if isinstance(other, MotionReader) else other.sensor
+                raise EchogridError(
+                    f"'{taken}' and '{name}' both read id 0x{frame_id[0]:X} on bus '{bus}': give one another bus or id_offset"
+                )
+
+    @property
+    def newest_ns(self) -> int | None:
+        """The newest frame's time; None before the first."""
+        return self.time.newest_ns
+
+    def ids(self, bus: str) -> list[FrameId]:
+        """The ids that are read on a bus, for the kernel's filter."""
+        return sorted(frame_id for name, frame_id in self.readers if name == bus)
+
+    def add(self, bus: str, message: can.Message) -> list[RadarScan | EgoMotion]:
+        """What a message completes. An unsound one changes nothing and is counted."""
+        self.health.frames += 1
+        if message.is_error_frame or message.is_remote_frame:
+            self.health.bad_frames += 1
+            return []
+        # A float of seconds since 1970 holds microseconds, not nanoseconds. Of its fraction, 22 bits, the product is exact, so that it is
+        # rounded as a log of text does it; that of the whole float would be another microsecond for one frame in eight.
+        fraction, seconds = math.modf(message.timestamp)
+        received_ns = (int(seconds) * 1_000_000 + round(fraction * 1e6)) * 1000
+        if not self.time.takes(received_ns):
+            self.health.bad_frames += 1
+            return []
+        self.health.clock_steps = self.time.set_back
+        reader = self.readers.get((bus, (message.arbitration_id, message.is_extended_id)))
+        if reader is None:
+            self.health.unknown_frames += 1
+            return []
+        try:
+            if isinstance(reader, MotionReader):
+                return [*reader.add(message, received_ns)]
+            scan = reader.add(message, received_ns)
+            return [] if scan is None else [scan]
+        except ValueError:
+            self.health.bad_frames += 1
+            return []
+
+
+def bus_of(message: can.Message, buses: tuple[Bus, ...]) -> str | None:
+    """The bus that a logged message belongs to. Log formats name channels ("can1") or number them (1), or do not say."""
+    channel = message.channel
+    if channel is None or channel == "":
+        return buses[0].name if len(buses) == 1 else None
+    for bus in buses:
+        expected = bus.logged_as
+        if str(channel) == str(expected):
+            return bus.name
+        if bus.log_channel is None and isinstance(channel, int) and str(expected).rstrip("0123456789") + str(channel) == expected:
+            return bus.name
+    return None
+
+
+def _dbc_path(profile: RadarProfile | MotionProfile, override: str | None, path: Path, source: Path) -> Path:
+    if override is not None:
+        return source.parent / override
+    if profile.dbc is None:
+        raise EchogridError(f"{path} comes without a DBC file: give its path as 'dbc'")
+    return path.parent / profile.dbc
+
+
+@contextmanager
+def _named(source: Path, key: str) -> Iterator[None]:
+    """Puts the configuration's file and key before what is wrong with what they name."""
+    try:
+        yield
+    except EchogridError as error:
+        raise EchogridError(f"{source}: {key}: {error}") from error

@@ -1,0 +1,110 @@
+"""What a configuration and a recording are worth: rates, gaps, counters, complete scans per radar."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from echogrid.can.signals import SignalReader, bus_of
+from echogrid.config.tables import Config
+from echogrid.core.health import Health
+from echogrid.core.messages import RadarScan, Speed
+from echogrid.logs.log import Log
+
+
+@dataclass(slots=True)
+class Stream:
+    """One radar's scans, or one motion signal: when they were measured, and how many detections they had."""
+
+    stamps_ns: list[int] = field(default_factory=list)
+    detections: list[int] = field(default_factory=list)
+
+    @property
+    def rate_hz(self) -> float:
+        """Over the median step, so that a gap does not lower it; 0 for fewer than two."""
+        return 1e9 / float(np.median(self._steps_ns)) if len(self.stamps_ns) > 1 else 0.0
+
+    @property
+    def longest_gap(self) -> float:
+        """Seconds between two neighbours."""
+        return float(self._steps_ns.max()) * 1e-9 if len(self.stamps_ns) > 1 else 0.0
+
+    @property
+    def _steps_ns(self) -> np.ndarray:
+        return np.diff(np.array(self.stamps_ns, dtype=np.int64))
+
+
+@dataclass(slots=True)
+class Report:
+    """What a recording holds for a configuration."""
+
+    health: Health
+    seconds: float
+    speed: Stream
+    yaw_rate: Stream
+    radars: dict[str, Stream]
+    unknown: Counter[tuple[str, int]]
+
+    def complaints(self) -> list[str]:
+        """What keeps this recording from making a good map, one sentence each; empty if nothing does."""
+        said = [f"no {name} was decoded" for name, stream in (("speed", self.speed), ("yaw rate", self.yaw_rate)) if not stream.stamps_ns]
+        for name, stream in self.radars.items():
+            counts = self.health.sensors[name]
+            if not stream.stamps_ns:
+                said.append(f"radar '{name}' has no complete scan ({counts.incomplete} incomplete, {counts.bad_crc} with a wrong checksum)")
+            elif counts.incomplete + counts.bad_crc > 0.01 * len(stream.stamps_ns):
+                said.append(f"radar '{name}' lost {counts.incomplete + counts.bad_crc} of its scans, {len(stream.stamps_ns)} are complete")
+        for name, stream in (("speed", self.speed), ("yaw rate", self.yaw_rate), *self.radars.items()):
+            if stream.longest_gap > 0.5:
+                said.append(f"'{name}' is silent for {stream.longest_gap:.1f} s")
+        if self.health.bad_frames:
+            said.append(f"{self.health.bad_frames} frames are unsound (length, checksum, counter, value or time)")
+        return said
+
+
+def check_log(config: Config, source: Path, path: Path) -> Report:
+    """Decodes a recording without mapping it. Raises EchogridError."""
+    health = Health()
+    reader = SignalReader(config, source, health)
+    speed, yaw_rate = Stream(), Stream()
+    radars: dict[str, Stream] = {radar.name: Stream() for radar in config.radar}
+    unknown: Counter[tuple[str, int]] = Counter()
+    times: list[float] = []  # of the first and the newest message
+    for message in Log(path):
+        times = [*times[:1], message.timestamp]
+        bus = bus_of(message, config.bus) or str(message.channel)
+        before = health.unknown_frames
+        for item in reader.add(bus, message):
+            if isinstance(item, RadarScan):
+                radars[item.sensor].stamps_ns.append(item.stamp_ns)
+                radars[item.sensor].detections.append(len(item))
+            else:
+                (speed if isinstance(item, Speed) else yaw_rate).stamps_ns.append(item.stamp_ns)
+        if health.unknown_frames > before:
+            unknown[bus, message.arbitration_id] += 1
+    return Report(health, times[-1] - times[0], speed, yaw_rate, radars, unknown)
+
+
+def render(report: Report) -> str:
+    """The report as lines of text."""
+    health = report.health
+    lines = [f"{health.frames} frames in {report.seconds:.1f} s, {health.unknown_frames} of other ids, {health.bad_frames} unsound, "]
+    lines[0] += f"{health.lost_frames} missing by their counters"
+    row = "{:<14}{:>8}{:>9}{:>10}{:>12}{:>10}{:>9}{:>12}".format
+    lines.append(row("", "rate", "complete", "gap", "incomplete", "repeated", "bad crc", "detections"))
+    for name, stream in (("speed", report.speed), ("yaw rate", report.yaw_rate)):
+        lines.append(row(name, f"{stream.rate_hz:.1f} Hz", len(stream.stamps_ns), f"{stream.longest_gap * 1e3:.0f} ms", "", "", "", ""))
+    for name, stream in report.radars.items():
+        counts = health.sensors[name]
+        median = f"{np.median(stream.detections):.0f}" if stream.detections else "-"
+        gap = f"{stream.longest_gap * 1e3:.0f} ms"
+        lines.append(
+            row(name, f"{stream.rate_hz:.1f} Hz", len(stream.stamps_ns), gap, counts.incomplete, counts.repeated, counts.bad_crc, median)
+        )
+    if report.unknown:
+        most = ", ".join(f"{bus} 0x{frame_id:X} ({count})" for (bus, frame_id), count in report.unknown.most_common(6))
+        lines.append(f"other ids, most frequent first: {most}")
+    return "\n".join(lines)

@@ -1,0 +1,195 @@
+"""`echogrid demo`: the shipped drive over a CAN bus, through the service, over Zenoh, to a subscriber in another process.
+
+python -m echogrid.commands.demo ENDPOINT VEHICLE OUT    is that subscriber: it puts the windows that it receives together to a picture
+"""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import can
+import msgspec
+import numpy as np
+
+from echogrid.can.signals import bus_of
+from echogrid.client import Client, Window
+from echogrid.commands.replay import Recorder
+from echogrid.config.tables import Config, load_config
+from echogrid.core.evidence.raster import rasterize
+from echogrid.core.map.occupancy import OccupancyMap
+from echogrid.core.map.tiled_map import LogOdds
+from echogrid.errors import EchogridError
+from echogrid.live.service import Service
+from echogrid.logs.drive import Drive, find_drive, load_truth
+from echogrid.logs.log import Log
+from echogrid.maps.picture import Panel, draw, side_by_side
+from echogrid.pipeline import Pipeline
+
+AHEAD_FRAMES = 512  # the player waits when the service is so far behind: nothing is lost, however slow the machine
+PATIENCE = 20.0  # s
+
+
+def demo(out: Path, model: str | None = None, on_progress: Callable[[float], None] | None = None) -> dict[str, Any]:
+    """Plays the shipped drive as fast as the service maps it; files and summary as in `replay`, and the subscriber's received.png."""
+    drive = find_drive(Path(str(files("echogrid") / "demo_drive")), None)
+    config = on_virtual_buses(load_config(drive.config, model))
+    pipeline = Pipeline(config, drive.config)
+    recorder = Recorder(pipeline)
+    service = Service(pipeline, recorder.add)
+    out.mkdir(parents=True, exist_ok=True)
+    helper = threading.Thread(target=_play_and_watch, args=(service, drive.log, out, on_progress), name="player")
+    helper.start()
+    try:
+        service.run()
+    finally:
+        service.stop.set()
+        helper.join()
+    truth = load_truth(drive.truth)
+    summary = recorder.write(out, truth)
+    if truth is not None and truth.map is not None:
+        compare(recorder, drive, truth.map, out)
+    return summary
+
+
+def compare(recorder: Recorder, drive: Drive, truth: Panel, out: Path) -> None:
+    """side_by_side.png: all static detections, the analytic map, the map that the service made, and the truth."""
+    config = load_config(drive.config, "analytic")
+    pipeline = Pipeline(config, drive.config)
+    spec = config.grid.spec()
+    detections = OccupancyMap(spec)
+    for message in Log(drive.log):
+        update = pipeline.add(bus_of(message, config.bus) or "", message)
+        if update is not None:
+            detections.integrate((rasterize(update.static_points, spec) > 0)[0] * np.float32(2), update.ego.odom_from_base)
+    maps = (("static detections", detections), ("analytic model", pipeline.mapper.map), ("echogrid", recorder.pipeline.mapper.map))
+    panels = []
+    for title, occupancy in maps:
+        row, column, log_odds = occupancy.whole()
+        panels.append(Panel(title, log_odds, (column * spec.cell, row * spec.cell)))
+    driven = np.array([(ego.odom_from_base.x, ego.odom_from_base.y) for ego in recorder.trajectory])
+    side_by_side([*panels, truth], spec.cell, driven).save(out / "side_by_side.png")
+
+
+def on_virtual_buses(config: Config) -> Config:
+    """The same configuration on python-can's in-process buses and a free port of the loopback."""
+    buses = tuple(msgspec.structs.replace(bus, interface="virtual") for bus in config.bus)
+    publish = msgspec.structs.replace(config.publish, listen=(f"tcp/127.0.0.1:{_free_port()}",))
+    return msgspec.structs.replace(config, bus=buses, publish=publish)
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def _play_and_watch(service: Service, log: Path, out: Path, on_progress: Callable[[float], None] | None) -> None:
+    """Starts the subscriber, plays the log when it is connected, and ends the service when all is mapped."""
+    config = service.config
+    try:
+        service.live.wait(PATIENCE)
+        command = [sys.executable, "-m", "echogrid.commands.demo", config.publish.listen[0], config.vehicle, str(out)]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as watcher:
+            try:
+                if watcher.stdout is None or watcher.stdout.readline().strip() != "connected":
+                    raise EchogridError("the demo's subscriber could not connect to the service")
+                _play(service, log, on_progress)
+            finally:
+                service.stop.set()
+                watcher.wait(PATIENCE)
+    except Exception as error:  # in a thread of its own: hand it to the one who waits for the service
+        service.failure = error
+        service.stop.set()
+
+
+def senders(config: Config) -> dict[str, can.BusABC]:
+    """Of `on_virtual_buses`, by the buses' names: the other end, which sends messages with their own time stamps."""
+    fd = can.CanProtocol.CAN_FD  # it takes classic frames too
+    return {
+        bus.name: can.Bus(interface="virtual", channel=bus.channel, preserve_timestamps=True, protocol=fd, ignore_config=True)
+        for bus in config.bus
+    }
+
+
+def _play(service: Service, log: Path, on_progress: Callable[[float], None] | None) -> None:
+    config = service.config
+    buses = senders(config)
+    messages, sent = Log(log), 0
+    try:
+        for message in messages:
+            bus = bus_of(message, config.bus)
+            if (bus, (message.arbitration_id, message.is_extended_id)) not in service.pipeline.signals.readers:
+                continue  # the service's filter would not let it through: it could not be waited for
+            buses[str(bus)].send(message)
+            sent += 1
+            _wait_for(service, sent - AHEAD_FRAMES)
+            if on_progress is not None and sent % 256 == 0:
+                on_progress(messages.progress)
+        _wait_for(service, sent)
+        time.sleep(0.3)  # for the last window to reach the subscriber
+    finally:
+        for opened in buses.values():
+            opened.shutdown()
+
+
+def _wait_for(service: Service, frames: int) -> None:
+    """Until the service has taken so many frames in. Raises EchogridError where it stands still."""
+    health = service.pipeline.health
+    seen, deadline = health.frames, time.monotonic() + PATIENCE
+    while health.frames < frames and not service.stop.is_set():
+        time.sleep(0.001)
+        if health.frames > seen:
+            seen, deadline = health.frames, time.monotonic() + PATIENCE
+        elif time.monotonic() > deadline:
+            raise EchogridError(f"the service took {seen} frames in, then none for {PATIENCE:.0f} s")
+
+
+def watch(endpoint: str, vehicle: str, out: Path) -> None:
+    """The subscriber: receives windows until the service is gone, then draws what it holds into received.png."""
+    with Client(endpoint, vehicle) as client:
+        deadline = time.monotonic() + PATIENCE
+        while not client.alive():
+            if time.monotonic() > deadline:
+                raise SystemExit(1)
+            time.sleep(0.05)
+        sys.stdout.write("connected\n")
+        sys.stdout.flush()
+        grids: list[Window] = []
+        while True:
+            grid = client.grid(timeout=0.5)
+            if grid is not None:
+                grids.append(grid)
+            elif not client.alive():
+                break
+    if grids:
+        origin, log_odds = merge(grids)
+        draw(log_odds, origin, grids[0].cell, np.empty((0, 2))).save(out / "received.png")
+
+
+def merge(grids: list[Window]) -> tuple[tuple[float, float], LogOdds]:
+    """Windows put together, newer over older, those of the newest map alone: (x, y) of the corner of cell [0, 0], log-odds."""
+    cell = grids[-1].cell
+    places = [(round(grid.origin[1] / cell), round(grid.origin[0] / cell), grid) for grid in grids if grid.map == grids[-1].map]
+    top, left = min(row for row, _, _ in places), min(column for _, column, _ in places)
+    bottom = max(row + grid.occupancy.shape[0] for row, _, grid in places)
+    right = max(column + grid.occupancy.shape[1] for _, column, grid in places)
+    log_odds = np.zeros((bottom - top, right - left), dtype=np.float32)
+    for row, column, grid in places:
+        height, width = grid.occupancy.shape
+        p = np.clip(grid.occupancy / 100.0, 0.01, 0.99)
+        window = np.where(grid.occupancy < 0, 0.0, np.log(p / (1 - p)))
+        log_odds[row - top : row - top + height, column - left : column - left + width] = window
+    return (left * cell, top * cell), log_odds
+
+
+if __name__ == "__main__":
+    watch(sys.argv[1], sys.argv[2], Path(sys.argv[3]))

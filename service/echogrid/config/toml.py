@@ -1,0 +1,73 @@
+"""TOML files into typed structs; every mistake is one sentence with file and key."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+import tomllib
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+
+from echogrid.errors import EchogridError
+from echogrid.files import read
+
+T = TypeVar("T")
+MOST_BYTES = 1 << 20
+
+
+class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A TOML table; a key that it does not know is an error."""
+
+
+def load(path: Path, kind: type[T]) -> T:
+    """The file as a `kind`. Raises EchogridError naming the file, the key, what was found and what was expected."""
+    try:
+        document = tomllib.loads(read(path, MOST_BYTES).decode(), parse_float=_finite)
+    except UnicodeDecodeError as error:
+        raise EchogridError(f"{path}: is not a text file (byte {error.start} is no UTF-8)") from error
+    except RecursionError as error:
+        raise EchogridError(f"{path}: holds tables or arrays too deep inside each other") from error
+    except ValueError as error:  # TOMLDecodeError, and what Python says of endless numbers
+        raise EchogridError(f"{path}: is not valid TOML: {error}") from error
+    try:
+        return msgspec.convert(document, kind)
+    except msgspec.ValidationError as error:
+        raise EchogridError(f"{path}: {_sentence(str(error), kind)}") from error
+
+
+def _finite(text: str) -> float:
+    """A number that can be reckoned with: nothing in our tables may be TOML's inf or nan."""
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"'{text}' is no finite number")
+    return number
+
+
+def _sentence(message: str, kind: type) -> str:
+    """msgspec's "what - at `$.key`" turned round to "key: what", with the nearest known key where one was mistyped."""
+    what, _, where = message.partition(" - at ")
+    key = where.strip("`").removeprefix("$").removeprefix(".")
+    unknown = re.fullmatch(r"Object contains unknown field `(.*)`", what)
+    if unknown:
+        name = unknown[1]
+        near = difflib.get_close_matches(name, _all_keys(kind), n=1)
+        what = f"unknown key '{name}'" + (f"; did you mean '{near[0]}'?" if near else "")
+    missing = re.fullmatch(r"Object missing required field `(.*)`", what)
+    if missing:
+        what = f"the key '{missing[1]}' is missing"
+    return f"{key}: {what}" if key else what
+
+
+def _all_keys(kind: object, seen: frozenset[object] = frozenset()) -> set[str]:
+    """Keys of a struct and of all structs inside it."""
+    if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+        if kind in seen:
+            return set()
+        keys: set[str] = set()
+        for field in msgspec.structs.fields(kind):
+            keys |= {field.encode_name} | _all_keys(field.type, seen | {kind})
+        return keys
+    return set().union(*(_all_keys(inner, seen) for inner in getattr(kind, "__args__", ())))

@@ -1,0 +1,120 @@
+"""The static detections of the last metres of way, and from where the radars looked: what a network is shown beside the newest scans."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echogrid.core.messages import Floats
+from echogrid.core.motion.se2 import SE2
+from echogrid.core.radar.mount import Mount
+
+LENGTH = 15.0  # m of way, the paper's half patch
+MOST_UPDATES = 160  # on a turntable no way is made: there, so many map updates
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Detections:
+    """Static detections in one frame."""
+
+    points: Floats  # (N, 2) m
+    origins: Floats  # (N, 2) m, of the radars that measured them
+    rcs: Floats  # (N,) dBsm; NaN where the sensor reports none
+    deviation: Floats  # (N,) of the range rate from a standing thing's, in sigmas
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def moved(self, to_from_here: SE2) -> Detections:
+        return replace(self, points=to_from_here.apply(self.points), origins=to_from_here.apply(self.origins))
+
+    def chosen(self, which: NDArray[np.bool_]) -> Detections:
+        """Those of a mask (N,)."""
+        return Detections(self.points[which], self.origins[which], self.rcs[which], self.deviation[which])
+
+    @staticmethod
+    def joined(parts: Sequence[Detections]) -> Detections:
+        """At least one."""
+        return Detections(*(np.concatenate([getattr(part, key) for part in parts]) for key in ("points", "origins", "rcs", "deviation")))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Looks:
+    """From where radars looked, and how wide and far, in one frame: a row for each scan."""
+
+    place: Floats  # (S, 3) x, y (m) and yaw (rad) of the sensors
+    half_fov: Floats  # (S,) rad
+    max_range: Floats  # (S,) m
+
+    @staticmethod
+    def of(mounts: Sequence[Mount], base_from_there: Sequence[SE2]) -> Looks:
+        """One scan of each mount, taken when base was `there`."""
+        sensors = [pose @ mount.base_from_sensor for mount, pose in zip(mounts, base_from_there, strict=True)]
+        return Looks(
+            np.array([(sensor.x, sensor.y, sensor.yaw) for sensor in sensors]).reshape(-1, 3),
+            np.array([mount.half_fov for mount in mounts], dtype=float),
+            np.array([mount.max_range for mount in mounts], dtype=float),
+        )
+
+    def moved(self, to_from_here: SE2) -> Looks:
+        place = np.column_stack((to_from_here.apply(self.place[:, :2]), self.place[:, 2] + to_from_here.yaw))
+        return replace(self, place=place)
+
+    @staticmethod
+    def joined(parts: Sequence[Looks]) -> Looks:
+        """At least one."""
+        return Looks(*(np.concatenate([getattr(part, key) for part in parts]) for key in ("place", "half_fov", "max_range")))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surroundings:
+    """All that one map update knows about the surroundings of the car, in base at the update's time."""
+
+    now: Detections  # of the newest scans
+    past: Detections  # of the last LENGTH m, the newest scans included
+    age: Floats  # (len(past),) m of way since they were measured
+    update: NDArray[np.int64]  # (len(past),) number of the map update that they came with
+    looks: Looks  # of all scans in `past`
+    live: Sequence[str]  # radars that are heard, by name
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Entry:
+    distance: float  # m, travelled at that time
+    detections: Detections  # in odom
+    looks: Looks  # in odom
+
+
+class History:
+    """Remembers what the last map updates saw, in odom."""
+
+    def __init__(self, length: float = LENGTH) -> None:
+        self.length = length
+        self.updates = 0
+        self._entries: deque[_Entry] = deque(maxlen=MOST_UPDATES)
+
+    def add(self, detections: Detections, looks: Looks, odom_from_base: SE2, distance: float) -> None:
+        """What the update at `distance` (m, travelled) saw, in base there."""
+        self._entries.append(_Entry(distance, detections.moved(odom_from_base), looks.moved(odom_from_base)))
+        self.updates += 1
+        while self._entries[0].distance < distance - self.length:
+            self._entries.popleft()
+
+    def surroundings(self, odom_from_base: SE2, live: Sequence[str]) -> Surroundings:
+        """As seen from the pose of the update added last. At least one must have been added."""
+        entries = self._entries
+        base_from_odom = odom_from_base.inverse()
+        counts = [len(entry.detections) for entry in entries]
+        distance = np.array([entry.distance for entry in entries])
+        return Surroundings(
+            now=entries[-1].detections.moved(base_from_odom),
+            past=Detections.joined([entry.detections for entry in entries]).moved(base_from_odom),
+            age=np.repeat(distance[-1] - distance, counts),
+            update=np.repeat(np.arange(self.updates - len(entries), self.updates), counts),
+            looks=Looks.joined([entry.looks for entry in entries]).moved(base_from_odom),
+            live=live,
+        )

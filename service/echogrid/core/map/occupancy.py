@@ -1,0 +1,45 @@
+"""The paper's map: each patch of log-odds added where the car was (its Eq. 1)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echogrid.core.evidence.raster import GridSpec, Image
+from echogrid.core.map.footprint import Footprint
+from echogrid.core.map.tile import Layers
+from echogrid.core.map.tiled_map import LogOdds, TiledMap, View
+from echogrid.core.motion.se2 import SE2
+
+
+class OccupancyMap(TiledMap):
+    """One layer, the sum of log-odds. A cell whose evidence cancels exactly is kept as the smallest positive number."""
+
+    layers = 1
+
+    def __init__(self, spec: GridSpec, clamp: float = 3.5, max_tiles: int = 4096) -> None:
+        super().__init__(spec, clamp, max_tiles)
+
+    def takes(self, odom_from_base: SE2) -> bool:
+        return True
+
+    def integrate(self, said: Image, odom_from_base: SE2, view: View | None = None) -> None:
+        """Adds a patch (H, W) of log-odds around the car: logit(m|z_0:t) = logit(m|z_t) + logit(m|z_0:t-1), then clamps."""
+        footprint = Footprint.of(odom_from_base, self.spec)
+        (patch,) = footprint.bilinear(said[None])
+        for layers, inside, piece in self._changing(footprint, view):
+            add_clamped(layers[0], inside, patch[piece], self.clamp)
+
+    def read(self, layers: Layers) -> LogOdds:
+        (log_odds,) = layers
+        return np.asarray(log_odds)
+
+    def measured(self, layers: Layers) -> NDArray[np.bool_]:
+        """All that is known: a sum does not tell what a network said from what geometry did."""
+        return np.asarray(layers[0] != 0)
+
+
+def add_clamped(layer: LogOdds, where: tuple[slice, slice], added: LogOdds, clamp: float) -> None:
+    """Adds log-odds in place, within +-clamp; 0 stays for what was never seen."""
+    total = np.clip(layer[where] + added, -clamp, clamp)
+    layer[where] = np.where((added != 0) & (total == 0), np.finfo(np.float32).tiny, total)

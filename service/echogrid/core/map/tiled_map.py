@@ -1,0 +1,194 @@
+"""A map without end in tiles of cells, whatever a cell keeps: layers of numbers, read out as log-odds of occupancy."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Set
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echogrid.core.evidence.raster import GridSpec, Image
+from echogrid.core.map.footprint import Footprint
+from echogrid.core.map.tile import SIDE, Layers, Tile, TileKey
+from echogrid.core.motion.se2 import SE2
+
+LogOdds = NDArray[np.float32]
+NEWEST_S = 2**32 - 1  # that seen_s can hold: the year 2106
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """Who had which cells in view in one update."""
+
+    stamp_ns: int  # Unix time
+    radars: NDArray[np.uint16]  # (H, W) of the patch: bit i is set where radar i of the configuration had the cell in view
+
+
+class Shelf(Protocol):
+    """Where tiles go that the memory has no room for."""
+
+    def load(self, key: TileKey) -> Tile | None:
+        """A tile of its own for the caller; None where there is none."""
+
+    def store(self, key: TileKey, tile: Tile) -> None:
+        """Takes a tile over in place of what it has of it."""
+
+    def keys(self) -> Set[TileKey]:
+        """All that it has."""
+
+    def clear(self) -> None:
+        """What it has belongs to the map before: from now on it has nothing."""
+
+
+class TiledMap(ABC):
+    """Layers in `odom`, held in SIDE x SIDE tiles; cell (i, j) covers y in [i, i + 1) and x in [j, j + 1) cells.
+
+    `tiles` is changed in place, the least recently used first: at most `max_tiles` of them are kept. Beyond, that one goes to the shelf,
+    and comes back when an update or a window needs it; where there is no shelf it is forgotten and counted in `forgotten`.
+    """
+
+    layers: int
+
+    def __init__(self, spec: GridSpec, clamp: float, max_tiles: int) -> None:
+        self.spec = spec
+        self.clamp = clamp  # log-odds
+        self.max_tiles = max_tiles
+        self.shelf: Shelf | None = None
+        self.forgotten = 0
+        self.stamp_ns = 0  # of the newest update whose view was told, Unix time
+        self.tiles: dict[TileKey, Tile] = {}
+        self.dirty: set[TileKey] = set()  # of `tiles`: those that the shelf has not as they are now
+
+    @abstractmethod
+    def takes(self, odom_from_base: SE2) -> bool:
+        """Whether an update from here is to be integrated. Asked once for each update."""
+
+    @abstractmethod
+    def integrate(self, said: Image, odom_from_base: SE2, view: View | None = None) -> None:
+        """Adds what one update says about the cells around the car. `view`: None for answers that come from no radars at no time."""
+
+    @abstractmethod
+    def read(self, layers: Layers) -> LogOdds:
+        """(layers, H, W) -> (H, W) log-odds of occupancy; 0 means not known, and no known cell has exactly 0."""
+
+    @abstractmethod
+    def measured(self, layers: Layers) -> NDArray[np.bool_]:
+        """(layers, H, W) -> (H, W): where plain geometry has a word in it; what is known elsewhere is learned only."""
+
+    def clear(self) -> None:
+        """Begins anew: nothing is known. What the shelf has not yet goes there; `forgotten` goes on counting."""
+        if self.shelf is not None:
+            for key in self.dirty:
+                self.shelf.store(key, self.tiles[key])
+            self.shelf.clear()
+        self.dirty.clear()
+        self.tiles.clear()
+
+    def window(self, row: int, column: int, height: int, width: int) -> LogOdds:
+        """Log-odds (height, width) of the cells from (row, column) on; 0 where nothing is known."""
+        return self.read(self.window_of_layers(row, column, height, width))
+
+    def window_of_layers(self, row: int, column: int, height: int, width: int) -> Layers:
+        """(layers, height, width) of the cells from (row, column) on; 0 where nothing was ever seen."""
+        out = np.zeros((self.layers, height, width), dtype=np.float32)
+        for key, inside, piece in pieces(row, column, height, width):
+            tile = self._used(key)
+            if tile is not None:
+                out[:, *piece] = tile.layers[:, *inside]
+        return out
+
+    def window_of_views(self, row: int, column: int, height: int, width: int) -> tuple[NDArray[np.uint32], NDArray[np.uint16]]:
+        """`seen_s` and `radars`, each (height, width), of the cells from (row, column) on; see Tile."""
+        seen_s, radars = np.zeros((height, width), dtype=np.uint32), np.zeros((height, width), dtype=np.uint16)
+        for key, inside, piece in pieces(row, column, height, width):
+            tile = self._used(key)
+            if tile is not None:
+                seen_s[piece], radars[piece] = tile.seen_s[inside], tile.radars[inside]
+        return seen_s, radars
+
+    def around(self, pose: SE2, cells: int) -> tuple[int, int, LogOdds]:
+        """The window of cells x cells around a pose: row, column of its first cell, log-odds."""
+        row = int(np.floor(pose.y / self.spec.cell)) - cells // 2
+        column = int(np.floor(pose.x / self.spec.cell)) - cells // 2
+        return row, column, self.window(row, column, cells, cells)
+
+    def bounds(self) -> tuple[int, int, int, int]:
+        """Row, column, height and width of the rectangle of all tiles, those on the shelf too; all 0 for an empty map."""
+        keys = self.tiles.keys() | (self.shelf.keys() if self.shelf is not None else frozenset())
+        if not keys:
+            return 0, 0, 0, 0
+        rows, columns = zip(*keys, strict=True)
+        row, column = min(rows) * SIDE, min(columns) * SIDE
+        return row, column, (max(rows) + 1) * SIDE - row, (max(columns) + 1) * SIDE - column
+
+    def whole(self) -> tuple[int, int, LogOdds]:
+        """All that is known, without empty borders: row, column of the first cell, log-odds. (0, 0, shape (0, 0)) for an empty map."""
+        first_row, first_column, height, width = self.bounds()
+        everything = self.window(first_row, first_column, height, width)
+        known_rows = np.flatnonzero(everything.any(axis=1))
+        known_columns = np.flatnonzero(everything.any(axis=0))
+        if not len(known_rows):
+            return 0, 0, np.zeros((0, 0), dtype=np.float32)
+        top, left = int(known_rows[0]), int(known_columns[0])
+        cut = everything[top : known_rows[-1] + 1, left : known_columns[-1] + 1]
+        return first_row + top, first_column + left, np.ascontiguousarray(cut)
+
+    def _changing(self, footprint: Footprint, view: View | None) -> Iterator[tuple[Layers, tuple[slice, slice], tuple[slice, slice]]]:
+        """The layers of all tiles under a footprint, to be changed: the part of the tile, the part of the footprint. Notes the view."""
+        bits = None if view is None else footprint.nearest(view.radars)
+        if view is not None:
+            self.stamp_ns = view.stamp_ns
+        seen_s = np.uint32(np.clip(self.stamp_ns // 1_000_000_000, 1, NEWEST_S))  # recordings may begin at 0, which says never
+        for key, inside, piece in pieces(footprint.row, footprint.column, *footprint.shape):
+            tile = self._used(key) or self._keep(key, Tile.empty(self.layers))
+            self.dirty.add(key)
+            if bits is not None:
+                tile.radars[inside] |= bits[piece]
+                tile.seen_s[inside][bits[piece] != 0] = seen_s
+            yield tile.layers, inside, piece
+
+    def _used(self, key: TileKey) -> Tile | None:
+        """A tile, from the shelf where it is there, as the most recently used one. None where there is none."""
+        tile = self.tiles.pop(key, None)
+        if tile is not None:
+            self.tiles[key] = tile
+        elif self.shelf is not None and (tile := self.shelf.load(key)) is not None:
+            self._keep(key, tile)
+        return tile
+
+    def _keep(self, key: TileKey, tile: Tile) -> Tile:
+        """Makes room and keeps a tile as the most recently used one."""
+        while len(self.tiles) >= self.max_tiles:
+            least = next(iter(self.tiles))
+            left = self.tiles.pop(least)
+            if self.shelf is None:
+                self.forgotten += 1
+            elif least in self.dirty:
+                self.shelf.store(least, left)
+            self.dirty.discard(least)
+        self.tiles[key] = tile
+        return tile
+
+
+def probability(log_odds: LogOdds) -> LogOdds:
+    """p(occupied) of log-odds."""
+    p: LogOdds = 0.5 + 0.5 * np.tanh(0.5 * log_odds)  # exp would overflow far from 0
+    return p
+
+
+def pieces(row: int, column: int, height: int, width: int) -> Iterator[tuple[TileKey, tuple[slice, slice], tuple[slice, slice]]]:
+    """The tiles under a rectangle: each one's key, the part of the tile, the part of the rectangle."""
+    for tile_row in range(row // SIDE, (row + height - 1) // SIDE + 1):
+        rows = _overlap(tile_row, row, height)
+        for tile_column in range(column // SIDE, (column + width - 1) // SIDE + 1):
+            columns = _overlap(tile_column, column, width)
+            yield (tile_row, tile_column), (rows[0], columns[0]), (rows[1], columns[1])
+
+
+def _overlap(tile: int, first: int, length: int) -> tuple[slice, slice]:
+    """Along one axis: the slice of the tile and the slice of the rectangle [first, first + length) that cover each other."""
+    start, stop = max(tile * SIDE, first), min((tile + 1) * SIDE, first + length)
+    return slice(start - tile * SIDE, stop - tile * SIDE), slice(start - first, stop - first)

@@ -1,0 +1,126 @@
+"""Dead reckoning from rear-wheel speed and yaw rate, and the poses it remembers."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass
+
+from echogrid.core.messages import EgoMotion, Speed, YawRate
+from echogrid.core.motion.se2 import IDENTITY, SE2, arc
+from echogrid.core.motion.yaw_bias import YawBias
+
+NS = 1e-9
+STANDSTILL = 0.02  # m/s: below, the wheels stand still and the yaw rate is only bias and noise
+
+
+@dataclass(frozen=True, slots=True)
+class EgoState:
+    """Where the car is and how it moves at `stamp_ns`; the yaw rate is 0 while the wheels stand still."""
+
+    stamp_ns: int
+    odom_from_base: SE2
+    speed: float  # m/s
+    yaw_rate: float  # rad/s
+
+    def ahead(self, step_ns: int) -> SE2:
+        """`odom_from_base` after `step_ns` more of the same motion: an exact arc."""
+        return self.odom_from_base @ arc(self.speed * step_ns * NS, self.yaw_rate * step_ns * NS)
+
+
+class Odometry:
+    """Remembers the newest speed and yaw rate, and the states of the last `history` seconds.
+
+    Each sample ends an arc on which speed and yaw rate have the mean of their values at its ends. While the wheels stand, yaw is frozen
+    and the yaw rate's bias is learnt. Before both were seen once there is
+    no pose. A value of one kind is held for `max_hold` after its last sample, then there is no pose until it is back. A silence longer than
+    `max_gap` is not bridged: the pose stays where it was, and `gaps` counts it.
+    """
+
+    def __init__(self, history: float = 2.0, max_gap: float = 0.5, max_extrapolation: float = 0.1, max_hold: float = 0.2) -> None:
+        self.history_ns = round(history / NS)
+        self.max_gap_ns = round(max_gap / NS)
+        self.max_extrapolation_ns = round(max_extrapolation / NS)
+        self.max_hold_ns = round(max_hold / NS)
+        self.speed: Speed | None = None
+        self.yaw_rate: YawRate | None = None
+        self.states: list[EgoState] = []
+        self.distance = 0.0  # m, travelled, forward and backward alike
+        self.gaps = 0
+        self.yaw_bias = YawBias()
+
+    def add(self, motion: EgoMotion) -> bool:
+        """Moves to the sample's time. False, and nothing changes, where the sample is not newer than the last of its kind.
+
+        The two kinds may have different latencies: a sample older than the newest state only replaces its value.
+        """
+        last = self.speed if isinstance(motion, Speed) else self.yaw_rate
+        if last is not None and motion.stamp_ns <= last.stamp_ns:
+            return False
+        if isinstance(motion, Speed):
+            self.speed = motion
+        else:
+            self.yaw_rate = motion
+            standing = self.speed is not None and abs(self.speed.speed) < STANDSTILL
+            self.yaw_bias.add(motion.stamp_ns, motion.yaw_rate, standing=standing)
+        if self.speed is None or self.yaw_rate is None:
+            return True
+        if abs(self.speed.stamp_ns - self.yaw_rate.stamp_ns) <= self.max_hold_ns:
+            self._move(motion.stamp_ns, self.speed.speed, self.yaw_rate.yaw_rate - self.yaw_bias.bias)
+        return True
+
+    def restart(self) -> None:
+        """There is no pose until speed and yaw rate are known again, and then it is the identity. The yaw rate's bias stays."""
+        self.speed = self.yaw_rate = None
+        self.states = []
+        self.yaw_bias.restart()
+
+    def at(self, stamp_ns: int) -> EgoState | None:
+        """The state at a time: on the arc between two samples, or a little past the newest. None outside."""
+        index = bisect_right(self.states, stamp_ns, key=lambda state: state.stamp_ns)
+        if index == 0:
+            return None
+        before = self.states[index - 1]
+        step_ns = stamp_ns - before.stamp_ns
+        if index == len(self.states):
+            if step_ns > self.max_extrapolation_ns:
+                return None
+            return EgoState(stamp_ns, before.ahead(step_ns), before.speed, before.yaw_rate)
+        after = self.states[index]
+        length_ns = after.stamp_ns - before.stamp_ns
+        if length_ns > self.max_gap_ns:
+            return None
+        share = step_ns / length_ns
+        pose = _mean_motion(before, after.speed, after.yaw_rate, stamp_ns).ahead(step_ns)
+        return EgoState(
+            stamp_ns,
+            pose,
+            before.speed + share * (after.speed - before.speed),
+            before.yaw_rate + share * (after.yaw_rate - before.yaw_rate),
+        )
+
+    def _move(self, stamp_ns: int, speed: float, yaw_rate: float) -> None:
+        if abs(speed) < STANDSTILL:
+            yaw_rate = 0.0
+        if not self.states:
+            self.states.append(EgoState(stamp_ns, IDENTITY, speed, yaw_rate))
+            return
+        before = self.states[-1]
+        step_ns = stamp_ns - before.stamp_ns
+        if step_ns <= 0:
+            return
+        pose = before.odom_from_base
+        if step_ns > self.max_gap_ns:
+            self.gaps += 1
+        else:
+            mean = _mean_motion(before, speed, yaw_rate, stamp_ns)
+            pose = mean.ahead(step_ns)
+            self.distance += abs(mean.speed) * step_ns * NS
+        self.states.append(EgoState(stamp_ns, pose, speed, yaw_rate))
+        if stamp_ns - self.states[0].stamp_ns > 2 * self.history_ns:  # cut in large pieces: cutting a list moves all of it
+            keep = bisect_right(self.states, stamp_ns - self.history_ns, key=lambda state: state.stamp_ns)
+            del self.states[: keep - 1]
+
+
+def _mean_motion(before: EgoState, speed: float, yaw_rate: float, stamp_ns: int) -> EgoState:
+    """`before`, moving with the mean of its motion and that at the arc's other end."""
+    return EgoState(stamp_ns, before.odom_from_base, (before.speed + speed) / 2, (before.yaw_rate + yaw_rate) / 2)

@@ -1,0 +1,1 @@
+"""What a radar measured and from where: mounts, whole scans, what stands and what moves."""

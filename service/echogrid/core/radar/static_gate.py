@@ -1,0 +1,80 @@
+"""Tells the reflections of standing things from those of moving ones by their range rate.
+
+A static point at azimuth a (in base) shows the range rate -u(a)·v_sensor: u the unit vector from the sensor to the point, v_sensor the
+sensor's own velocity over ground, which for a mount at (x, y) on a car with speed v and yaw rate w is (v - w y, w x).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echogrid.core.messages import Floats
+from echogrid.core.radar.mount import Mount
+
+
+@dataclass(frozen=True, slots=True)
+class GateNoise:
+    """One-sigma errors of what the gate compares, how many sigmas still count as static, and how far a mover reaches.
+
+    The range-rate sigma is what the recordings in docs/real_data.md show (0.07–0.17 m/s) with the sensors' quantisation.
+    """
+
+    range_rate: float = 0.13  # m/s
+    azimuth: float = 0.03  # rad
+    speed: float = 0.01  # of the speed
+    yaw_rate: float = 0.005  # rad/s
+    sigmas: float = 3.0
+    mover_radius: float = 2.5  # m: half the length of a car
+
+
+def static_range_rate(azimuth: Floats, mount: Mount, speed: float, yaw_rate: float) -> tuple[Floats, Floats]:
+    """What static points would show: their range rate (N,) m/s, and its derivative by azimuth (N,) m/s/rad.
+
+    azimuth: (N,) rad in the sensor's frame; speed m/s and yaw_rate rad/s of base.
+    """
+    bearing = azimuth + mount.base_from_sensor.yaw
+    vx = speed - yaw_rate * mount.base_from_sensor.y
+    vy = yaw_rate * mount.base_from_sensor.x
+    cos, sin = np.cos(bearing), np.sin(bearing)
+    return -(vx * cos + vy * sin), vx * sin - vy * cos
+
+
+def fold(residual: Floats, ambiguity: float) -> Floats:
+    """The smallest value equal to `residual` modulo the Doppler ambiguity interval (m/s; 0: unambiguous)."""
+    if ambiguity <= 0.0:
+        return residual
+    return residual - ambiguity * np.round(residual / ambiguity)
+
+
+def deviation(
+    azimuth: Floats,
+    range_rate: Floats,
+    ambiguity: float,
+    mount: Mount,
+    speed: float,
+    yaw_rate: float,
+    noise: GateNoise,
+) -> Floats:
+    """(N,) how many sigmas the range rate is off a standing point's: static is what has at most `noise.sigmas`.
+
+    A sigma grows with what an azimuth error does to the prediction: little ahead, most abeam.
+    """
+    predicted, by_azimuth = static_range_rate(azimuth, mount, speed, yaw_rate)
+    lever = np.hypot(mount.base_from_sensor.x, mount.base_from_sensor.y)
+    variance = noise.range_rate**2 + (by_azimuth * noise.azimuth) ** 2 + (predicted * noise.speed) ** 2 + (lever * noise.yaw_rate) ** 2
+    sigmas: Floats = np.abs(fold(range_rate - predicted, ambiguity)) / np.sqrt(variance)
+    return sigmas
+
+
+def beside_movers(points: Floats, moving: NDArray[np.bool_], noise: GateNoise) -> NDArray[np.bool_]:
+    """(N,) True for detections with at least two moving ones within `noise.mover_radius`. points: (N, 2) m, of one cycle.
+
+    A car that passes abeam shows no radial speed in the middle and much at its ends: what lies between them is part of it. One moving
+    neighbour is not enough, since one detection in twenty has a gross Doppler error.
+    """
+    distance = np.hypot(*(points[:, None, :] - points[moving][None, :, :]).transpose(2, 0, 1))  # (N, movers)
+    near: NDArray[np.bool_] = (distance < noise.mover_radius).sum(axis=1) >= 2
+    return near

@@ -1,0 +1,166 @@
+"""Whether one radar can be believed: by what it said before, by what the others see, and by how the car moves."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echogrid.core.health import SensorHealth
+from echogrid.core.messages import RadarScan
+from echogrid.core.radar.mount import Mount
+
+NS = 1e-9
+SILENT_NS = 500_000_000
+WINDOW_NS = 2_000_000_000  # over which scans are counted
+SCARCE = 0.7  # of its usual scans in a window: fewer are spoken of
+REPEATED = 4  # detections that equal those of the scan before, while the car moves: the radar is frozen
+MOVING, FAST = 0.5, 2.0  # m/s: from where on a scan must differ from the last; from where on a wrong mount shows
+BLIND = 0.5  # blockage as the sensor reports it
+USUAL, SHORT, AGREEING = 60.0, 0.8, 1.0  # s that the means remember: what is usual, detections now, agreement with ego motion
+SETTLED = 5.0  # s after which something is usual
+FORGIVEN = 30.0  # s after which a lag is taken for usual
+LONGEST_STEP = 0.2  # s between two scans that a mean is moved by
+WILD = 0.1  # share of its detections that cannot be true
+BEYOND_VIEW, FASTEST_RATE = 0.1, 75.0  # rad outside its field of view, m/s: what is beyond no radar sees, and no road
+AGE_SHIFT = 0.06  # s off the usual age of its scans: they are not from when they say
+EVIDENCE = 50.0  # detections, fading, before a share of them is judged
+LOSSES = {
+    "incomplete": "incomplete scans",
+    "late": "late scans",
+    "bad_crc": "wrong checksums",
+    "repeated": "repeated frames",
+    "wrong_cycle": "frames of a wrong cycle",
+}
+
+
+class RadarWatch:
+    """Remembers a radar's last scan and the means of what it says.
+
+    `doubts` has a sentence for each fault that makes its scans worthless; while there is one, they are left out of the map.
+    """
+
+    def __init__(self, mount: Mount, health: SensorHealth) -> None:
+        self.mount = mount
+        self.health = health
+        self.doubts: dict[str, str] = {}
+        self.heard_ns: int | None = None  # receipt of the newest complete scan
+        self.scarce: str | None = None  # a sentence where scans are missing of late
+        self.sees = 1.0  # its detections of the last second, as a share of the usual
+        self._heard = self._window = _counters(health)  # counters at `heard_ns`, and when the running window began
+        self._window_ns: int | None = None
+        self._usual_rate = 0.0  # complete scans in a second
+        self._last: RadarScan | None = None
+        self._repeated = 0
+        self._watched = 0.0  # s
+        self._usual_age = math.nan
+        self._usual_lag: float | None = None
+        self._usual_count = self._count = 0.0
+        self._wild = 0.0  # share of its detections of late that cannot be true
+        self._agreeing = self._asked = 0.0  # detections, fading
+
+    def hear(self, scan: RadarScan) -> None:
+        """A complete scan has come: counts what was lost around it, and what in it cannot be true."""
+        now_ns = scan.received_ns
+        silent = self.heard_ns is None or now_ns - self.heard_ns > SILENT_NS
+        step = LONGEST_STEP if self.heard_ns is None else min((now_ns - self.heard_ns) * NS, LONGEST_STEP)
+        wild = 0.0 if not len(scan) else float(np.mean(~self._possible(scan)))
+        self._wild += (wild - self._wild) * (1.0 - math.exp(-step / SHORT))
+        if not WILD / 2 < self._wild < WILD:
+            self.doubt("wild", self._wild >= WILD, f"broken: {self._wild:.0%} of its values are out of range")
+        self.heard_ns, self._heard = now_ns, _counters(self.health)
+        if silent or self._window_ns is None:
+            self._window_ns, self._window, self.scarce = now_ns, self._heard, None
+        elif now_ns - self._window_ns >= WINDOW_NS:
+            seconds = (now_ns - self._window_ns) * NS
+            complete = self._heard["complete"] - self._window["complete"]
+            lost = sum(self._heard[key] - self._window[key] for key in ("incomplete", "late", "bad_crc"))
+            share = complete / max(self._usual_rate * seconds, complete + lost)
+            self.scarce = f"only {share:.0%} of its scans come whole{self._losses(self._window)}" if share < SCARCE else None
+            if self.scarce is None:
+                self._usual_rate = max(complete / seconds, 0.9 * self._usual_rate)
+            self._window_ns, self._window = now_ns, self._heard
+
+    def look(self, scan: RadarScan, speed: float) -> None:
+        """A scan that was placed, its detections within range, and the car's speed."""
+        step = 0.0 if self._last is None else min(max((scan.stamp_ns - self._last.stamp_ns) * NS, 0.0), LONGEST_STEP)
+        self.doubt("frozen", self._is_frozen(scan, speed), "frozen: it repeats one scan while the car moves")
+        self.doubt("blocked", scan.blockage >= BLIND, f"blocked: it says so itself ({scan.blockage:.0%})")
+        age = (scan.received_ns - scan.stamp_ns) * NS
+        off = 0.0 if math.isnan(self._usual_age) else age - self._usual_age
+        late = "older" if off > 0 else "younger"
+        self.doubt("shifted", abs(off) > AGE_SHIFT, f"shifted in time: its scans are {abs(off) * 1e3:.0f} ms {late} than usual")
+        self._usual_lag = scan.lag if self._usual_lag is None else self._usual_lag
+        lag = scan.lag - self._usual_lag
+        self._usual_lag += lag * step / FORGIVEN  # a sender that started anew is believed again after a while
+        self.doubt("lags", abs(lag) > AGE_SHIFT, f"shifted in time: its scans come {lag * 1e3:.0f} ms later than their counter says")
+        self._last = scan
+        self._watched += step
+        usual = step / min(max(self._watched, step, 1e-3), USUAL)  # a plain mean at first
+        if "shifted" not in self.doubts:
+            self._usual_age = age if math.isnan(self._usual_age) else self._usual_age + off * usual
+        possible = int(np.count_nonzero(self._possible(scan)))
+        self._count += (possible - self._count) * (1.0 - math.exp(-step / SHORT))
+        if "blind" not in self.doubts:
+            self._usual_count += (possible - self._usual_count) * usual
+        self.sees = self._count / self._usual_count if self._watched > SETTLED and self._usual_count > 1.0 else 1.0
+
+    def agree(self, agreeing: int, asked: int, step: float) -> None:
+        """So many of the detections fit ego motion, at a speed at which a wrong mount shows; `step` s after the last."""
+        fading = math.exp(-step / AGREEING)
+        self._agreeing = self._agreeing * fading + agreeing
+        self._asked = self._asked * fading + asked
+
+    @property
+    def agreement(self) -> float | None:
+        """Share of the last seconds' detections that fit ego motion; None before there were enough."""
+        return self._agreeing / self._asked if self._asked > EVIDENCE else None
+
+    def reasons(self, now_ns: int) -> list[str]:
+        """Sentences on what is wrong with it; empty where all is well."""
+        if self.heard_ns is None:
+            return [f"nothing so far{self._losses(self._heard)}"]
+        if now_ns - self.heard_ns > SILENT_NS:
+            return [f"silent for {(now_ns - self.heard_ns) * NS:.1f} s{self._losses(self._heard)}"]
+        return [*self.doubts.values(), *([] if self.scarce is None else [self.scarce])]
+
+    def restart(self) -> None:
+        """Forgets all that has a time; what is usual stays."""
+        self.heard_ns = self._window_ns = self._last = self.scarce = self._usual_lag = None
+        self._repeated = 0
+
+    def doubt(self, fault: str, found: bool, sentence: str) -> None:
+        """Begins or ends a doubt."""
+        if found:
+            self.doubts = {**self.doubts, fault: sentence}  # a new dictionary: another thread may be reading the old one
+        elif fault in self.doubts:
+            self.doubts = {key: value for key, value in self.doubts.items() if key != fault}
+
+    def _possible(self, scan: RadarScan) -> NDArray[np.bool_]:
+        """(N,) which detections can be true at all."""
+        possible: NDArray[np.bool_] = (np.abs(scan.azimuth) <= self.mount.half_fov + BEYOND_VIEW) & (
+            np.abs(scan.range_rate) <= FASTEST_RATE
+        )
+        return possible
+
+    def _is_frozen(self, scan: RadarScan, speed: float) -> bool:
+        last = self._last
+        equal = last is not None and all(
+            np.array_equal(getattr(scan, key), getattr(last, key)) for key in ("range", "azimuth", "range_rate")
+        )
+        if not equal:
+            self._repeated = 0
+        elif abs(speed) > MOVING:
+            self._repeated += len(scan)
+        return self._repeated >= REPEATED
+
+    def _losses(self, before: dict[str, int]) -> str:
+        """What was counted since, in words."""
+        counts = {key: getattr(self.health, key) - before[key] for key in LOSSES}
+        said = ", ".join(f"{count} {LOSSES[key]}" for key, count in counts.items() if count)
+        return f" ({said})" if said else ""
+
+
+def _counters(health: SensorHealth) -> dict[str, int]:
+    return {key: getattr(health, key) for key in ("complete", *LOSSES)}

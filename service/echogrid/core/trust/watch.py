@@ -1,0 +1,119 @@
+"""The state of the map: whether it can be trusted now, and why not. Judged by what passes through the chain, never by a clock."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import Literal
+
+import numpy as np
+
+from echogrid.core.health import SensorHealth
+from echogrid.core.radar.doppler_motion import doppler_motion
+from echogrid.core.radar.mount import Mount
+from echogrid.core.radar.placed_scan import PlacedScan
+from echogrid.core.radar.static_gate import GateNoise
+from echogrid.core.trust.motion_watch import MotionWatch
+from echogrid.core.trust.mount_check import other_mount
+from echogrid.core.trust.radar_watch import FAST, LONGEST_STEP, NS, RadarWatch
+
+STALE_NS = 1_000_000_000  # without a map update
+QUIET_NS = 500_000_000  # without anything at all
+FEW, ENOUGH, OTHERS = 0.15, 0.3, 0.5  # of the usual detections: below FEW a radar is blind if the others have OTHERS, until ENOUGH
+ODD, FINE = 0.3, 0.5  # share of detections that fit ego motion: below ODD a radar is at odds with it, from FINE on no longer
+EXPLAINS = 0.5  # share that another mount must explain: what sees nothing but traffic is not mounted wrong
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """`ok`: the map is right. `degraded`: right, but made from less. `no_motion`: it stands still, since the car's motion is not known.
+    `stale`: there is none, or it was not updated of late. `stopped`: the service has ended.
+
+    `reasons`: short sentences; none where the state is ok.
+    """
+
+    name: Literal["ok", "degraded", "no_motion", "stale", "stopped"]
+    reasons: tuple[str, ...] = ()
+
+
+class Watch:
+    """Remembers what is needed to judge each radar and ego motion, and when the map was updated last.
+
+    `state` may be asked from another thread.
+    """
+
+    def __init__(self, mounts: Mapping[str, Mount], sensors: Mapping[str, SensorHealth], noise: GateNoise) -> None:
+        """The radars' mounts and counters by name, and the gate that tells what stands."""
+        self.radars = {name: RadarWatch(mount, sensors[name]) for name, mount in mounts.items()}
+        self.motion = MotionWatch()
+        self.noise = noise
+        self.mapped_ns: int | None = None  # receipt of the newest scan in the map
+        self.why_empty: str | None = None  # why the map was begun anew
+        self._judged_ns: int | None = None
+
+    def judge(self, placed: Sequence[PlacedScan]) -> None:
+        """One cycle's scans, at least one: `motion.disputed` and the radars' `doubts` follow."""
+        newest = max(placed, key=lambda one: one.ego.stamp_ns).ego
+        for one in placed:
+            self.radars[one.scan.sensor].look(one.scan, one.ego.speed)
+        step = 0.0 if self._judged_ns is None else min(max((newest.stamp_ns - self._judged_ns) * NS, 0.0), LONGEST_STEP)
+        self._judged_ns = newest.stamp_ns
+        believed = [one for one in placed if not self.radars[one.scan.sensor].doubts] or placed
+        fitting = np.concatenate([one.deviation for one in believed]) <= self.noise.sigmas
+        support = float(fitting.mean()) if len(fitting) else 0.0
+        seen = doppler_motion([(one.scan, one.mount) for one in believed])
+        if not self.motion.compare(newest.stamp_ns, newest.speed, newest.yaw_rate, support, seen):
+            self._compare_with_motion(placed, step)
+        self._compare_with_each_other()
+
+    def _compare_with_motion(self, placed: Sequence[PlacedScan], step: float) -> None:
+        for one in placed:
+            if abs(one.ego.speed) < FAST:
+                continue
+            radar = self.radars[one.scan.sensor]
+            radar.agree(int(np.count_nonzero(one.deviation <= self.noise.sigmas)), len(one.deviation), step)
+            share = radar.agreement
+            if share is not None and share >= FINE:
+                radar.doubt("odd", False, "")
+            elif share is not None and share < ODD and len(one.scan):
+                other = other_mount(one.scan, one.mount, one.ego, self.noise)
+                mount = f"yaw {other.yaw_deg:.0f}°{', azimuth reversed' if other.mirrored else ''} ({other.share:.0%})"
+                if other.share >= EXPLAINS:
+                    radar.doubt("odd", True, f"at odds with ego motion ({share:.0%} of its detections fit): swapped, or mounted at {mount}")
+
+    def _compare_with_each_other(self) -> None:
+        for name, radar in self.radars.items():
+            others = [other.sees for key, other in self.radars.items() if key != name]
+            if radar.sees > ENOUGH:
+                radar.doubt("blind", False, "")
+            elif radar.sees < FEW and others and median(others) > OTHERS:
+                radar.doubt("blind", True, f"blocked: it sees {radar.sees:.0%} of its usual detections, the others theirs")
+
+    def restart(self, why: str) -> None:
+        """The map is begun anew."""
+        self.mapped_ns = None
+        self.why_empty = why
+        self._judged_ns = None
+        self.motion.restart()
+        for radar in self.radars.values():
+            radar.restart()
+
+    def state(self, now_ns: int) -> State:
+        """At a time of the traffic: the newest frame's stamp and what has passed since."""
+        heard = [radar.heard_ns for radar in self.radars.values()] + [self.motion.speed.last_ns, self.motion.yaw_rate.last_ns]
+        newest_ns = max((ns for ns in heard if ns is not None), default=None)
+        lost, noted = self.motion.lost(now_ns), self.motion.noted(now_ns)
+        radars = [f"radar {name}: {reason}" for name, radar in self.radars.items() for reason in radar.reasons(now_ns)]
+        mapped_ns = self.mapped_ns
+        if mapped_ns is None:
+            why = "no map yet" if self.why_empty is None else f"no map yet: begun anew, {self.why_empty}"
+            return State("stale", (why, *lost, *radars))
+        if newest_ns is None or now_ns - newest_ns > QUIET_NS:
+            return State("stale", (f"nothing is heard, for {(now_ns - (newest_ns or mapped_ns)) * NS:.1f} s",))
+        if lost:
+            return State("no_motion", (*lost, *radars))
+        if now_ns - mapped_ns > STALE_NS:
+            return State("stale", (f"no map update for {(now_ns - mapped_ns) * NS:.1f} s", *noted, *radars))
+        reasons = (*noted, *radars)
+        return State("degraded" if reasons else "ok", reasons)

@@ -1,0 +1,1 @@
+"""The running service: which thread does what."""

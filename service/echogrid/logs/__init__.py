@@ -1,0 +1,1 @@
+"""How files become CAN frames: log formats and drive folders."""

@@ -1,0 +1,75 @@
+"""Drive folders: a recording with its configuration, and the true poses where they are known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from zipfile import ZipFile
+
+import numpy as np
+
+from echogrid.core.messages import Floats
+from echogrid.errors import EchogridError
+from echogrid.maps.picture import Panel
+
+MOST_BYTES = 1 << 30  # that a truth file unpacks to
+LOGS = ("can.log.gz", "can.log", "can.blf", "can.asc", "can.mf4", "can.trc", "can.mcap")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Truth:
+    """True poses of base, from the first one on: stamp_ns (N,) int64, poses (N, 3) x, y (m) and yaw (rad).
+
+    `map` is the true map of a simulated drive, in the frame of the first pose; None where it is not known.
+    """
+
+    stamp_ns: np.ndarray
+    poses: Floats
+    map: Panel | None
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """Where a recording and its configuration are; `truth` may not exist."""
+
+    config: Path
+    log: Path
+    truth: Path
+
+
+def find_drive(path: Path, config: Path | None) -> Drive:
+    """A drive folder, or a log with a configuration of its own. Raises EchogridError where either is missing."""
+    if not path.exists():
+        raise EchogridError(f"{path}: there is no such file or folder")
+    if not path.is_dir():
+        if config is None:
+            raise EchogridError(f"{path}: a log needs a configuration: give it with -c, or replay a drive folder")
+        return Drive(config, path, path.parent / "truth.npz")
+    log = next((path / name for name in LOGS if (path / name).is_file()), None)
+    if log is None:
+        raise EchogridError(f"{path}: holds no recording, expected one of {', '.join(LOGS)}")
+    return Drive(config or path / "echogrid.toml", log, path / "truth.npz")
+
+
+def load_truth(path: Path) -> Truth | None:
+    """The true poses, or None where the drive has none. Raises EchogridError for a file that is something else."""
+    if not path.is_file():
+        return None
+    try:
+        with ZipFile(path) as packed:
+            unpacked = sum(entry.file_size for entry in packed.infolist())
+        if unpacked > MOST_BYTES:
+            raise ValueError(f"it unpacks to {unpacked >> 20} MiB")
+        with np.load(path, allow_pickle=False) as file:
+            stamp_ns, columns = file["stamp_ns"].astype(np.int64), [file[key].astype(float) for key in ("x", "y", "yaw")]
+            if stamp_ns.ndim != 1 or any(column.shape != stamp_ns.shape for column in columns):
+                raise ValueError("their lengths differ")
+            known = None
+            if "log_odds" in file:
+                x, y = map(float, file["origin"])
+                known = Panel("truth", file["log_odds"].astype(np.float32), (x, y))
+                if known.log_odds.ndim != 2:
+                    raise ValueError("the map log_odds is no plane")
+            return Truth(stamp_ns, np.stack(columns, axis=1), known)
+    except Exception as error:  # zipfile, zlib and numpy raise what garbage makes them stumble over
+        raise EchogridError(f"{path}: is no truth file with the arrays stamp_ns, x, y and yaw: {error}") from error

@@ -1,0 +1,1 @@
+"""How a drive is recorded and watched: MCAP files and the live view of Foxglove."""

@@ -1,0 +1,102 @@
+"""An MCAP file of what was published, and of the CAN frames that it was made from."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import can
+
+from echogrid import __version__
+from echogrid.errors import EchogridError
+from echogrid.recording.viewer_channel import ViewerChannel, can_channel, viewer_channel
+from echogrid.topics.can_frame import LONGEST_NAME, encode_frame, stamp_ns
+from echogrid.topics.topic import FULL, Message
+
+CHUNK_BYTES = 4 << 20  # before it is packed
+MOST_BUSES = 1000  # of a log that calls them ever otherwise
+
+
+class McapWriter:
+    """A new file, open from construction to `close` or the end of `with`. One thread writes.
+
+    What `flush` has returned for outlives the process. Raises EchogridError naming the file where it exists already or cannot be made, and
+    where the extra is not installed; OSError in the course of it, where the disk is full.
+    """
+
+    def __init__(self, path: Path) -> None:
+        try:
+            from mcap.writer import Writer
+        except ImportError as error:
+            raise EchogridError(f"{path}: mcap is not installed, the extra brings it: pip install 'echogrid[mcap]'") from error
+        try:
+            self._file = path.open("xb")
+        except FileExistsError as error:
+            raise EchogridError(f"{path}: exists already, and a recording replaces nothing: give it another name") from error
+        except OSError as error:
+            raise EchogridError(f"{path}: cannot be written: {error.strerror}") from error
+        self._writer = Writer(self._file, chunk_size=CHUNK_BYTES)
+        self._writer.start(library=f"echogrid {__version__}")
+        self._schemas: dict[str, int] = {}
+        self._topics: dict[str, int] = {}  # a topic's channel
+        self._buses: dict[tuple[str, str | int | None], int] = {}  # a bus's channel, and what python-can calls it
+        self._counts: Counter[int] = Counter()  # messages in a channel
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    @property
+    def size(self) -> int:
+        """Bytes in the file."""
+        return self._file.tell()
+
+    def put(self, message: Message) -> None:
+        """The very bytes that go out. Nothing for whole windows, which key frames and updates hold as well."""
+        topic = message.topic
+        if topic is FULL:
+            return
+        if topic.name not in self._topics:
+            self._topics[topic.name] = self._channel(viewer_channel(topic), {})
+        self._add(self._topics[topic.name], message.stamp_ns, message.payload)
+
+    def frame(self, bus: str, message: can.Message) -> None:
+        """A CAN frame of a bus, in the order of mapping. Raises ValueError where a log's message is none."""
+        payload = encode_frame(bus, message)
+        called = message.channel if isinstance(message.channel, str | int | None) else str(message.channel)
+        if (bus, called) not in self._buses:
+            if len(self._buses) == MOST_BUSES or len(str(called)) > LONGEST_NAME:
+                raise ValueError("no CAN frame: its channel is none")
+            self._buses[bus, called] = self._channel(can_channel(bus), {"channel": json.dumps(called)})
+        self._add(self._buses[bus, called], stamp_ns(message), payload)
+
+    def flush(self) -> None:
+        """Ends the chunk, so that all that was put can be read."""
+        self._writer.flush()  # type: ignore[no-untyped-call]  # mcap says no types here
+
+    def close(self) -> None:
+        """Ends the file with its index. A second time does nothing."""
+        if not self._file.closed:
+            with self._file:
+                self._writer.finish()  # type: ignore[no-untyped-call]  # nor here
+
+    def abandon(self) -> None:
+        """Leaves a file as it is that cannot be written any further."""
+        with suppress(OSError):
+            self._file.close()
+
+    def _channel(self, channel: ViewerChannel, metadata: dict[str, str]) -> int:
+        if channel.schema not in self._schemas:
+            self._schemas[channel.schema] = self._writer.register_schema(channel.schema, channel.schema_encoding, channel.definition)
+        return self._writer.register_channel(channel.topic, channel.message_encoding, self._schemas[channel.schema], metadata)
+
+    def _add(self, channel: int, at_ns: int, payload: bytes) -> None:
+        self._counts[channel] += 1
+        at_ns = max(at_ns, 0)  # MCAP knows no time before 1970; the message itself keeps its own
+        self._writer.add_message(channel, at_ns, payload, at_ns, self._counts[channel] & 0xFFFFFFFF)

@@ -1,0 +1,1 @@
+"""How the map is kept on disk, tile by tile."""

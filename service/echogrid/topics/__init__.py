@@ -1,0 +1,1 @@
+"""What is published: the topics, and their messages as bytes."""

@@ -1,0 +1,135 @@
+"""Map updates, status and diagnostics as messages, each encoded once for all who take them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from echogrid.config.tables import Config, Publish
+from echogrid.core.map.map_delta import NOTHING, Rectangle, around, changed, key_window
+from echogrid.core.map.tile import SIDE
+from echogrid.core.map.tiled_map import LogOdds
+from echogrid.core.mapper import Mapper, MapUpdate
+from echogrid.topics import cdr
+from echogrid.topics.diagnostics import diagnostics
+from echogrid.topics.topic import DETECTIONS, DIAGNOSTICS, FULL, KEY, META, ODOMETRY, STATUS, TOPICS, TRANSFORM, UPDATE, Message, Topic
+
+MAP_FRAME, CAR_FRAME = "odom", "base"
+KEY_PERIOD_NS = 1_000_000_000  # a key frame goes out at the latest with the first window that is so much younger than the last one
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshot:
+    """What the map around the car was after an update: enough for the window around it and for its key frame."""
+
+    update: MapUpdate
+    epoch: int
+    window: Rectangle  # around the car
+    seen: Rectangle  # holds `window` and its key window
+    log_odds: LogOdds  # of `seen`
+
+
+class Snapshots:
+    """Taken of the map, one in each of the periods of `rate_hz` that the traffic's own time falls into; remembers the last one's."""
+
+    def __init__(self) -> None:
+        self.taken: int | None = None
+
+    def take(self, mapper: Mapper, update: MapUpdate, settings: Publish) -> Snapshot | None:
+        """After an update, in the thread that maps; None where the next one is not due."""
+        period = update.ego.stamp_ns // round(1e9 / settings.rate_hz)  # stamps jitter: since the last one it may be a little too short
+        if period == self.taken:
+            return None
+        self.taken = period
+        window = around(update.ego.odom_from_base, mapper.map.spec.cell, settings.window_cells)
+        seen = window.joined(key_window(window))
+        return Snapshot(update, mapper.epoch, window, seen, mapper.map.window(*seen))
+
+
+class Announcer:
+    """Remembers the key frame, and where the map has differed from it since. One thread.
+
+    An update holds the rectangle of all cells that have differed from its key frame since that went out, so it takes the place of every
+    earlier one for the same key frame: what was lost heals with the next, also where updates are laid over each other, as RViz does.
+    """
+
+    def __init__(self, config: Config, model: str) -> None:
+        """`model`: which one runs, and why."""
+        self.config = config
+        self.model = model
+        self.keyframe = 0  # number of the newest, from 1
+        self._key_ns = 0  # its stamp
+        self._key_of: tuple[int, Rectangle] | None = None  # its epoch and window
+        self._key_cells = np.zeros((0, 0), dtype=np.int8)
+        self._differed = NOTHING  # within the window
+
+    def map(self, snapshot: Snapshot) -> Iterator[Message]:
+        """Odometry, transform, detections, key frame or update, and the whole window."""
+        ego, epoch = snapshot.update.ego, snapshot.epoch
+        stamp_ns = ego.stamp_ns
+
+        def message(topic: Topic, payload: bytes, keyframe: int = 0) -> Message:
+            return Message(topic, payload, stamp_ns, epoch, keyframe)
+
+        odometry = cdr.Odometry(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base, ego.speed, ego.yaw_rate)
+        yield message(ODOMETRY, cdr.encode_odometry(odometry))
+        transform = cdr.Transform(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base)
+        yield message(TRANSFORM, cdr.encode_transforms((transform,)))
+        points = np.zeros((len(snapshot.update.static_points), 3), dtype=np.float32)
+        points[:, :2] = snapshot.update.static_points
+        yield message(DETECTIONS, cdr.encode_points(cdr.Points(stamp_ns, CAR_FRAME, points)))
+        seen = occupancy_percent(snapshot.log_odds)
+        key = key_window(snapshot.window)
+        cells = seen[key.within(snapshot.seen)]
+        if self._key_of != (epoch, key) or not 0 <= stamp_ns - self._key_ns < KEY_PERIOD_NS:
+            self.keyframe += 1
+            self._key_ns, self._key_of, self._key_cells, self._differed = stamp_ns, (epoch, key), cells, NOTHING
+            yield message(KEY, self._grid(stamp_ns, key, cells), self.keyframe)
+        else:
+            self._differed = self._differed.joined(changed(self._key_cells, cells))
+            x, y = self._differed.column, self._differed.row
+            update = cdr.GridUpdate(stamp_ns, MAP_FRAME, x, y, cells[self._differed.within(Rectangle(0, 0, *cells.shape))])
+            yield message(UPDATE, cdr.encode_update(update), self.keyframe)
+        yield message(FULL, self._grid(stamp_ns, snapshot.window, seen[snapshot.window.within(snapshot.seen)]))
+
+    def status(self, status: Mapping[str, Any], stamp_ns: int) -> Iterator[Message]:
+        """The service's status, taken at `stamp_ns`, for programs and for ROS."""
+        yield Message(STATUS, msgspec.json.encode(status), stamp_ns, status["epoch"], 0)
+        yield Message(DIAGNOSTICS, cdr.encode_diagnostics(diagnostics(status, self.config.vehicle, stamp_ns)), stamp_ns, status["epoch"], 0)
+
+    def meta(self, stamp_ns: int) -> Message:
+        """What does not change while the service runs."""
+        config = self.config
+        radars = [
+            {key: getattr(radar, key) for key in ("name", "x", "y", "yaw_deg", "fov_deg", "max_range")}  # m and degrees in base
+            for radar in config.radar
+        ]
+        meta = {
+            "vehicle": config.vehicle,
+            "version": version("echogrid"),
+            "model": self.model,
+            "frames": {"map": MAP_FRAME, "car": CAR_FRAME},
+            "grid": {"cell": config.grid.cell, "tile_cells": SIDE},
+            "body": {key: getattr(config.body, key) for key in ("length", "width", "rear_overhang")},
+            "radars": radars,
+            "keys": {topic.name: topic.type or "JSON" for topic in TOPICS},
+        }
+        return Message(META, msgspec.json.encode(meta), stamp_ns, 0, 0)
+
+    def _grid(self, stamp_ns: int, window: Rectangle, cells: NDArray[np.int8]) -> bytes:
+        cell = self.config.grid.cell
+        return cdr.encode_grid(cdr.Grid(stamp_ns, MAP_FRAME, cell, (window.column * cell, window.row * cell), cells))
+
+
+def occupancy_percent(log_odds: LogOdds) -> NDArray[np.int8]:
+    """nav_msgs/OccupancyGrid's cells of log-odds, same shape: round(100 p), -1 where the log-odds are 0: never seen."""
+    # 1 / (1 + exp(-l)) = 1/2 + tanh(l/2) / 2, which takes half the time and can not overflow.
+    percent: NDArray[np.int8] = np.rint(50 + 50 * np.tanh(log_odds / 2)).astype(np.int8)
+    percent[log_odds == 0] = -1
+    return percent

@@ -1,0 +1,1 @@
+"""How the service fares: status, metrics, journal, systemd."""

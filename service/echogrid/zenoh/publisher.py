@@ -1,0 +1,157 @@
+"""All topics out to Zenoh, for our own clients and for ROS. docs/interface.md is the contract."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from types import TracebackType
+from typing import Self
+
+import zenoh
+
+from echogrid.config import tables as config
+from echogrid.errors import EchogridError
+from echogrid.topics import cdr
+from echogrid.topics.topic import ALIVE, FLEET, FULL, TOPICS, Message
+from echogrid.zenoh.access import access_control
+from echogrid.zenoh.credentials import Credentials
+from echogrid.zenoh.fleet import Fleet
+from echogrid.zenoh.ros import RosNode, viewed
+from echogrid.zenoh.stream import Stream
+
+VIEWED = ("**", "**/@adv/**")  # `**` passes over chunks that begin with @, where the last map is asked for
+EXAMPLE = "tcp/127.0.0.1:7447"
+
+
+def key(vehicle: str, name: str) -> str:
+    """The Zenoh key of one of a vehicle's topics, by its name."""
+    return f"echogrid/v1/{vehicle}/{name}"
+
+
+class Publisher:
+    """A sink that sends each message under its native key and, where ROS knows the topic, under rmw_zenoh's: a Zenoh session, open from
+    construction to `close` or the end of `with`; one thread puts.
+
+    Raises EchogridError naming the key in [publish], the endpoint or file and what to do where Zenoh would not take one. No call waits for
+    a subscriber: one that is too slow misses messages. Others may read the vehicle's keys over this session, and write nothing.
+    """
+
+    def __init__(self, settings: config.Publish, vehicle: str, ros: config.Ros) -> None:
+        self.vehicle = vehicle
+        credentials = _credentials(settings)
+        # Who watches several vehicles asks for them all at once, and is given what is this one's.
+        asked, given = ([*(key(of, names) for names in VIEWED), *viewed(ros)] for of in ("*", vehicle))
+        access = access_control(asked, given, None if settings.tls is None else settings.tls.viewers)
+        self._open = ExitStack()
+        try:
+            opened = zenoh.open(session_config(settings.listen, settings.connect, sends=True, credentials=credentials, access=access))
+            self.session = self._open.enter_context(opened)
+        except zenoh.ZError as error:
+            raise EchogridError(_refused(settings, error)) from error
+        self.gid = hashlib.blake2b(str(self.session.zid()).encode(), digest_size=cdr.GID_SIZE).digest()
+        self._streams = {
+            topic: Stream(self.session, key(vehicle, topic.name), topic, self.gid, versioned=topic.rank > 0) for topic in (*TOPICS, FLEET)
+        }
+        self._ros = RosNode(self.session, ros)
+        self._fleet = Fleet(settings.fleet_hz)
+        self._alive = self.session.liveliness().declare_token(key(vehicle, ALIVE))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Ends the session; subscribers see the liveliness tokens go. A second time does nothing."""
+        self._open.close()
+
+    def put(self, message: Message) -> None:
+        """To whoever listens."""
+        self._streams[message.topic].put(message)
+        self._ros.put(message)
+        if message.topic is FULL and self._fleet.due(message.stamp_ns) and self._streams[FLEET].heard():
+            self._streams[FLEET].put(self._fleet.message(message))
+
+
+def session_config(
+    listen: Sequence[str],
+    connect: Sequence[str],
+    *,
+    sends: bool,
+    credentials: Credentials | None = None,
+    access: Mapping[str, object] | None = None,
+) -> zenoh.Config:
+    """Zenoh's configuration for exactly these endpoints, retried for ever, and nothing found by itself.
+
+    Raises zenoh.ZError where an endpoint is not of the form that Zenoh reads. `sends`: it is the service's, which also keeps shared memory
+    ready for large messages.
+    `credentials` for tls/ endpoints; `access`: Zenoh's access_control.
+    """
+    pool = {"enabled": sends, "pool_size": 32 << 20, "message_size_threshold": 16 << 10}
+    settings: dict[str, object] = {
+        # A client's open() fails, or waits for ever, while nobody is there; others' returns and goes on trying. A router hands nothing on
+        # from one peer to another, who are to find each other by themselves; so of two that meet at one, the service is no peer.
+        "mode": "router" if sends else "peer",
+        "listen": {"endpoints": listen, "exit_on_failure": True},
+        "connect": {
+            "endpoints": connect,
+            "timeout_ms": -1,
+            "exit_on_failure": False,
+            "retry": {"period_init_ms": 250, "period_max_ms": 2000, "period_increase_factor": 2},
+        },
+        # Zenoh's own defaults listen on every address and look for others by multicast.
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "adminspace": {"enabled": False},
+        "timestamping": {"enabled": True},  # without, an AdvancedPublisher may have no cache
+        "transport/unicast/max_sessions": 32,
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": 2_000_000,  # us: so long a frozen asker holds up the next
+        "transport/shared_memory": {"enabled": True, "mode": "init", "transport_optimization": pool},
+    }
+    if credentials is not None:
+        settings["transport/link/tls"] = credentials.zenoh()
+    if access is not None:
+        settings["access_control"] = access
+    result = zenoh.Config()
+    for path, value in settings.items():
+        result.insert_json5(path, json.dumps(value))
+    return result
+
+
+def reason(error: zenoh.ZError) -> str:
+    """What Zenoh says, without where in its source it says so."""
+    text = re.sub(r" at /\S+\.rs:\d+\.?", "", str(error)).strip().rstrip(".!")
+    inner = re.search(r'msg: "(.*?)"', text)
+    return inner[1] if inner else text
+
+
+def _credentials(settings: config.Publish) -> Credentials | None:
+    """Those of [publish.tls], checked. Raises EchogridError."""
+    if settings.tls is None:
+        return None
+    credentials = settings.tls.credentials()
+    try:
+        credentials.check()
+    except EchogridError as error:
+        raise EchogridError(f"publish.tls: {error}") from error
+    return credentials
+
+
+def _refused(settings: config.Publish, error: zenoh.ZError) -> str:
+    """One sentence about the endpoint that is to blame: each is tried alone, for Zenoh does not always say which it was."""
+    for name, endpoints in (("listen", settings.listen), ("connect", settings.connect)):
+        for endpoint in endpoints:
+            alone = [(endpoint,) if name == side else () for side in ("listen", "connect")]
+            try:
+                with zenoh.open(session_config(*alone, sends=False, credentials=_credentials(settings))):
+                    pass
+            except zenoh.ZError as own:
+                what = reason(own)
+                if "Address already in use" in what:
+                    advice = "another program has this port: stop that one, or choose another"
+                    return f"publish.listen: '{endpoint}' cannot be listened on: {advice}"
+                return f"publish.{name}: Zenoh refuses '{endpoint}' ({what}), expected an endpoint such as '{EXAMPLE}'"
+    return f"publish: Zenoh cannot be started: {reason(error)}"

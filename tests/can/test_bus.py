@@ -1,0 +1,105 @@
+"""A bus that goes away and comes back. That real SocketCAN interfaces do so is shown by tests/rig."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import can
+import pytest
+from tests.support.frames import frame
+
+from echogrid.can import bus as live
+from echogrid.can.bus import LiveBus
+from echogrid.config.tables import Bus
+from echogrid.errors import EchogridError
+
+BUS = Bus(name="radars", interface="virtual", channel="test_bus")
+ID = (0x300, False)
+
+
+class Unplugged(can.BusABC):
+    """A virtual bus whose driver fails in the way that SocketCAN's does while `down`."""
+
+    def __init__(self, opened: can.BusABC) -> None:
+        self.opened = opened
+        self.down = False
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        if self.down:
+            raise can.CanOperationError("Error receiving: Network is down", 100)
+        return self.opened.recv(timeout)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        raise NotImplementedError  # BusABC demands the method; nobody sends here
+
+    def shutdown(self) -> None:
+        self.opened.shutdown()
+
+
+@pytest.fixture
+def sender() -> Iterator[can.BusABC]:
+    with can.Bus(interface="virtual", channel="test_bus", protocol=can.CanProtocol.CAN_FD, preserve_timestamps=True) as bus:
+        yield bus
+
+
+def first(bus: LiveBus, seconds: float = 10.0) -> can.Message | None:
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        message = bus.recv(0.05)
+        if message is not None:
+            return message
+    return None
+
+
+def test_only_what_is_read_passes(sender: can.BusABC) -> None:
+    bus = LiveBus(BUS, [ID])
+    sender.send(frame(0x301, b"\x01", 1.0))
+    sender.send(frame(0x300, b"\x02", 2.0))
+    message = first(bus)
+    assert message is not None
+    assert (message.arbitration_id, message.timestamp) == (0x300, 2.0)
+    assert bus.refresh().frames == 1
+    bus.close()
+    bus.close()
+
+
+def test_error_frames_are_counted_and_bus_off_is_down_until_the_next_frame(sender: can.BusABC) -> None:
+    bus = LiveBus(BUS, [])  # no filter: a controller's error frames come with ids of their own
+    for number in (0x04, live.CAN_ERR_BUSOFF):
+        sender.send(can.Message(arbitration_id=number, is_error_frame=True, is_extended_id=False, data=bytes(8)))
+    assert [bus.recv(1.0), bus.recv(1.0)] == [None, None]
+    health = bus.refresh()
+    assert (health.errors, health.bus_off, health.up) == (2, 1, False)
+    sender.send(frame(0x300, b"\x02", 2.0))
+    assert first(bus) is not None
+    assert bus.refresh().up
+    bus.close()
+
+
+def test_a_lost_bus_is_opened_again_and_again_until_it_can_be_read(sender: can.BusABC, monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[Unplugged] = []
+    answers = ["open", "away", "down", "open"]  # first opening, no such device, there but down, back
+
+    def open_next(bus: Bus, ids: list[tuple[int, bool]]) -> can.BusABC:
+        answer = answers.pop(0)
+        if answer == "away":
+            raise EchogridError("no such device")
+        opened.append(Unplugged(real(bus, ids)))
+        opened[-1].down = answer == "down"
+        return opened[-1]
+
+    real = live.open_bus
+    monkeypatch.setattr(live, "open_bus", open_next)
+    monkeypatch.setattr(live, "FIRST_PAUSE", 0.01)
+    bus = LiveBus(BUS, [ID])
+    opened[0].down = True
+    assert bus.recv(0.01) is None
+    assert not bus.refresh().up
+    deadline = time.monotonic() + 10.0
+    while not bus.refresh().up and time.monotonic() < deadline:
+        bus.recv(0.01)
+    assert (bus.health.reconnects, answers) == (1, [])
+    sender.send(frame(0x300, b"\x02", 2.0))
+    assert first(bus) is not None
+    bus.close()

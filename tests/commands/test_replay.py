@@ -1,0 +1,216 @@
+"""Replay: the same log gives the same map, its files say what they hold, and bad input is one sentence."""
+
+from __future__ import annotations
+
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+from PIL import Image
+from tests.support import networks, world
+
+from echogrid.commands.replay import replay
+from echogrid.core.evidence.raster import GridSpec
+from echogrid.errors import EchogridError
+from echogrid.logs.drive import find_drive
+
+SHAPE = {"complete", "incomplete", "late"}
+KEYS = {"drive_s", "wall_s", "frames", "bad_frames", "cycles", "scans", "detections", "static_detections", "distance_m", "cycle_ms"}
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    wall = world.standing([(x * 0.3, 6.0) for x in range(-20, 120)])
+    messages = world.record(world.circle(6.0, 0.1), [wall, world.standing(world.rectangle(12, -5))], 4.0)
+    return world.write_drive(tmp_path_factory.mktemp("drive"), messages)
+
+
+def echogrid(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-W", "error", "-m", "echogrid", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+def test_a_folder_needs_nothing_else_and_twice_is_the_same(drive: Path, tmp_path: Path) -> None:
+    done = echogrid("replay", drive, "--out", tmp_path / "one")
+    assert (done.returncode, done.stderr) == (0, "")
+    replay(find_drive(drive, None), tmp_path / "two")
+    one, two = (json.loads((tmp_path / name / "summary.json").read_text()) for name in ("one", "two"))
+    assert one["map_sha256"] == two["map_sha256"]
+    assert set(one) >= KEYS
+    assert all(set(counts) >= SHAPE for counts in one["scans"].values())
+    assert set(one["cycle_ms"]) == {"p50", "p99", "max"}
+    assert one["rss_mib"] > 10
+    for name in ("map.npz", "map.pgm", "map.yaml", "map.png", "trajectory.csv"):
+        assert (tmp_path / "one" / name).is_file()
+        if name != "map.npz":  # a zip holds the time of writing
+            assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+
+
+def test_a_network_gives_the_same_map_twice_and_its_files_say_which(drive: Path, tmp_path: Path) -> None:
+    """Through the command line and through the function, bit for bit; another map than the analytic one's."""
+    spec = GridSpec()
+    net = networks.write(tmp_path / "net.onnx", *networks.default(spec.cells, spec.cell))
+    done = echogrid("replay", drive, "--model", net, "--out", tmp_path / "one")
+    assert (done.returncode, done.stderr) == (0, "")
+    one = json.loads((tmp_path / "one" / "summary.json").read_text())
+    two = replay(find_drive(drive, None), tmp_path / "two", model=str(net))
+    analytic = replay(find_drive(drive, None), tmp_path / "analytic")
+    assert one["model"] == two["model"]
+    assert one["model"].startswith("net.onnx, as configured, SHA-256 ")
+    assert analytic["model"] == "the analytic model, as configured"
+    assert one["map_sha256"] == two["map_sha256"] != analytic["map_sha256"]
+    with np.load(tmp_path / "one" / "map.npz") as file:
+        assert (file["log_odds"] > 1).sum() > 50
+        assert (file["log_odds"] < -1).sum() > 1000
+
+
+def test_a_network_that_is_none_is_one_sentence(drive: Path, tmp_path: Path) -> None:
+    (tmp_path / "net.onnx").write_bytes(b"noise")
+    done = echogrid("replay", drive, "--model", tmp_path / "net.onnx", "--out", tmp_path / "out")
+    assert done.returncode == 1
+    start = f"echogrid: {drive / 'echogrid.toml'}: model: {tmp_path / 'net.onnx'}: is no ONNX model that onnxruntime reads: "
+    assert done.stderr.startswith(start)
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_map_and_the_trajectory_hold_what_they_say(drive: Path, tmp_path: Path) -> None:
+    summary = replay(find_drive(drive, None), tmp_path)
+    with np.load(tmp_path / "map.npz") as file:
+        log_odds, origin, cell = file["log_odds"], file["origin"], float(file["cell"])
+    assert log_odds.dtype == np.float32
+    rows, columns = np.nonzero(log_odds > 1)
+    x, y = origin[0] + (columns + 0.5) * cell, origin[1] + (rows + 0.5) * cell
+    wall = (np.abs(y - 6.0) < 0.5).sum()
+    assert wall > 50
+    assert (np.abs(y - 6.0) < 0.5).sum() + ((np.abs(x - 12) < 2.8) & (np.abs(y + 5) < 1.6)).sum() == len(x)
+    with (tmp_path / "trajectory.csv").open() as file_:
+        trajectory = list(csv.DictReader(file_))
+    assert list(trajectory[0]) == ["stamp_ns", "x", "y", "yaw"]
+    end = trajectory[-1]
+    time = int(end["stamp_ns"]) * 1e-9 - 100 - 0.001
+    assert float(end["x"]) == pytest.approx(60 * np.sin(0.1 * time), abs=0.05)
+    assert float(end["y"]) == pytest.approx(60 * (1 - np.cos(0.1 * time)), abs=0.05)
+    assert summary["distance_m"] == pytest.approx(24.0, abs=0.2)
+
+
+def test_map_server_files_agree_with_the_map(drive: Path, tmp_path: Path) -> None:
+    """Read back as ROS map_server does: the first row of the picture is the largest y, dark is occupied."""
+    replay(find_drive(drive, None), tmp_path)
+    fields = dict(line.split(": ", 1) for line in (tmp_path / "map.yaml").read_text().splitlines())
+    grey = np.asarray(Image.open(tmp_path / fields["image"]), dtype=float)[::-1]
+    with np.load(tmp_path / "map.npz") as file:
+        log_odds, origin = file["log_odds"], file["origin"]
+        assert float(fields["resolution"]) == file["cell"]
+    assert json.loads(fields["origin"]) == [*origin.tolist(), 0.0]
+    darkness = (255 - grey) / 255
+    p = 1 / (1 + np.exp(-log_odds.astype(float)))
+    assert ((darkness > float(fields["occupied_thresh"])) == ((p > 0.65) & (log_odds != 0))).all()
+    assert ((darkness < float(fields["free_thresh"])) == ((p < 0.196) & (log_odds != 0))).all()
+
+
+def test_other_formats_give_the_same_map(drive: Path, tmp_path: Path) -> None:
+    digests = set()
+    for name in ("can.log", "can.blf", "can.log.gz"):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / "echogrid.toml").write_bytes((drive / "echogrid.toml").read_bytes())
+        with can.Logger(folder / name) as logger:
+            for message in can.LogReader(drive / "can.log"):
+                logger.on_message_received(message)
+        digests.add(replay(find_drive(folder, None), folder / "out")["map_sha256"])
+    assert len(digests) == 1
+
+
+def test_in_real_time_it_takes_as_long_as_the_drive(drive: Path, tmp_path: Path) -> None:
+    log = tmp_path / "short.log"
+    log.write_text("".join((drive / "can.log").read_text().splitlines(keepends=True)[:600]))
+    summary = replay(find_drive(log, drive / "echogrid.toml"), tmp_path / "out", realtime=True)
+    assert summary["drive_s"] > 0.5
+    assert summary["wall_s"] >= summary["drive_s"] - 0.05
+
+
+def test_a_torn_log_is_mapped_up_to_where_it_tears(drive: Path, tmp_path: Path) -> None:
+    log = tmp_path / "torn.log"
+    log.write_text((drive / "can.log").read_text()[: -len("garbage")] + "\n(12 what\n")
+    done = echogrid("replay", log, "-c", drive / "echogrid.toml", "--out", tmp_path / "out")
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"echogrid: {log}: cannot be read beyond message ")
+    assert done.stderr.endswith(f"the map up to there is in {tmp_path / 'out'}\n")
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["cycles"] > 50
+
+
+def test_time_that_goes_backwards_is_dropped_and_counted(drive: Path, tmp_path: Path) -> None:
+    lines = (drive / "can.log").read_text().splitlines(keepends=True)
+    (tmp_path / "twice.log").write_text("".join(lines + lines[:200]))
+    summary = replay(find_drive(tmp_path / "twice.log", drive / "echogrid.toml"), tmp_path / "out")
+    once = replay(find_drive(drive, None), tmp_path / "once")
+    assert summary["bad_frames"] == 200
+    assert summary["map_sha256"] == once["map_sha256"]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "complaint"),
+    [
+        ("other.log", "(1.0) can0 123#00\n(2.0) can0 456#00\n", "none of its 2 frames is one that"),
+        ("empty.log", "", "holds no CAN message"),
+        ("noise.log", "\x00\x01\x02", "cannot be read beyond message 0"),
+        ("log.txt", "", "is no log format that is known"),
+    ],
+)
+def test_bad_logs_are_one_sentence_and_write_nothing(drive: Path, tmp_path: Path, name: str, content: str, complaint: str) -> None:
+    (tmp_path / name).write_text(content)
+    done = echogrid("replay", tmp_path / name, "-c", drive / "echogrid.toml", "--out", tmp_path / "out")
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"echogrid: {tmp_path / name}: ")
+    assert complaint in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_is_missing_is_said(drive: Path, tmp_path: Path) -> None:
+    with pytest.raises(EchogridError, match="a log needs a configuration"):
+        find_drive(drive / "can.log", None)
+    with pytest.raises(EchogridError, match="there is no such file or folder"):
+        find_drive(tmp_path / "nothing", None)
+    with pytest.raises(EchogridError, match="holds no recording, expected one of can.log.gz"):
+        find_drive(tmp_path, None)
+
+
+def test_an_output_that_cannot_be_written_is_said(drive: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    done = echogrid("replay", drive, "--out", tmp_path / "file")
+    assert done.returncode == 1
+    assert done.stderr == f"echogrid: {tmp_path / 'file'}: File exists\n"
+
+
+def test_a_truth_file_that_is_none_is_said_before_the_work(drive: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "drive"
+    folder.mkdir()
+    for name in ("echogrid.toml", "can.log"):
+        (folder / name).write_bytes((drive / name).read_bytes())
+    np.savez(folder / "truth.npz", stamp_ns=np.arange(3))
+    with pytest.raises(EchogridError, match=r"truth.npz: is no truth file with the arrays stamp_ns, x, y and yaw"):
+        replay(find_drive(folder, None), tmp_path / "out")
+
+
+def test_check_praises_a_whole_log_and_blames_a_holey_one(drive: Path, tmp_path: Path) -> None:
+    done = echogrid("check", "-c", drive / "echogrid.toml", drive / "can.log")
+    assert (done.returncode, done.stderr) == (0, "")
+    rows = {line.split()[0]: line for line in done.stdout.splitlines() if line}
+    assert "100.0 Hz" in rows["speed"]
+    assert all("20.0 Hz" in rows[name] for name in world.RADARS)
+    kept = [m for n, m in enumerate(can.LogReader(drive / "can.log")) if m.arbitration_id != 0x311 or n % 11]
+    with can.Logger(tmp_path / "holes.log") as logger:
+        for message in kept:
+            if not 0x320 <= message.arbitration_id < 0x330:
+                logger.on_message_received(message)
+    done = echogrid("check", "-c", drive / "echogrid.toml", tmp_path / "holes.log")
+    assert done.returncode == 1
+    assert "radar 'front_right' lost" in done.stderr
+    assert "radar 'rear_left' has no complete scan" in done.stderr

@@ -1,0 +1,145 @@
+"""Every mistake in a configuration is one sentence that names file and key; nothing is opened before it is said."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from tests.support.frames import CONFIG
+
+from echogrid.can.signals import SignalReader
+from echogrid.config.tables import Map, load_config
+from echogrid.core.health import Health
+from echogrid.errors import EchogridError
+
+SECOND = '[[radar]]\nname = "front_right"\nbus = "can0"\nx = 3.6\ny = -0.8\nyaw_deg = -45.0\n'
+
+
+def complaint(tmp_path: Path, text: str) -> str:
+    path = tmp_path / "echogrid.toml"
+    path.write_text(text)
+    with pytest.raises(EchogridError) as caught:
+        SignalReader(load_config(path), path, Health())
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).startswith(f"{path}: ")
+    return str(caught.value)
+
+
+def test_the_smallest_configuration_drives(tmp_path: Path) -> None:
+    path = tmp_path / "echogrid.toml"
+    path.write_text(CONFIG)
+    config = load_config(path)
+    assert config.grid.spec().cells * config.grid.spec().cell == 30.0
+    assert config.publish.listen == ("tcp/127.0.0.1:7447",)
+    reader = SignalReader(config, path, Health())
+    assert reader.ids("can0") == [(0x100, False), (0x102, False), (0x300, False), (0x301, False)]
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (("yaw_deg", "yaw_dge"), "radar[0]: unknown key 'yaw_dge'; did you mean 'yaw_deg'?"),
+        (('vehicle = "test"', 'vehicle = "test"\nspeed = 3'), "unknown key 'speed'"),
+        (("x = 3.6", 'x = "front"'), "radar[0].x: Expected `float`, got `str`"),
+        (("x = 3.6", "x = 36.0"), "radar[0]: 'front_left' is mounted at x = 36, y = 0.8 m, outside the car"),
+        (("x = 3.6", "x = nan"), "is not valid TOML: 'nan' is no finite number"),
+        (("x = 3.6", "x = 1e999"), "is not valid TOML: '1e999' is no finite number"),
+        (("x = 3.6", "x = " + "9" * 5000), "is not valid TOML: Exceeds the limit (4300 digits)"),
+        (("x = 3.6", "x = " + "[" * 5000), "holds tables or arrays too deep inside each other"),
+        (("x = 3.6", "x = 3.6 #" + "." * (1 << 20)), "holds more than 1024 KiB"),
+        (('vehicle = "test"', "store.flush_s = 0"), "store.flush_s: Expected `float` >= 0.1"),
+        (('vehicle = "test"', "store.max_mib = 1"), "store.max_mib: Expected `int` >= 16"),
+        (('vehicle = "test"', "map.max_mib = 1"), "map.max_mib: Expected `int` >= 8"),
+        (
+            ('vehicle = "test"', "map.max_tiles = 16\npublish.window_cells = 640"),
+            "publish.window_cells: 640 found, whose 36 tiles have no room in map.max_tiles and map.max_mib, which hold 16",
+        ),
+        (
+            ('model = "analytic"', "map.max_mib = 8\npublish.window_cells = 640"),  # 352 KiB each
+            "publish.window_cells: 640 found, whose 36 tiles have no room in map.max_tiles and map.max_mib, which hold 23",
+        ),
+        (('vehicle = "test"', "map.cycle_ms = 1e308"), "map.cycle_ms: Expected `float` <= 1000000.0"),
+        (('model = "analytic"', f'model = "default"\nmodel_sha256 = "{"0" * 64}"'), "model_sha256: given for 'default', expected beside"),
+        (('model = "analytic"', 'model_sha256 = "0"'), "model_sha256: Expected `str` matching regex"),
+        (("y = 0.8", "y = 1.8"), "radar[0]: 'front_left' is mounted at x = 3.6, y = 1.8 m, outside the car"),
+        (("x = 3.6", ""), "radar[0]: the key 'x' is missing"),
+        (('[motion]\nbus = "can0"', '[motion]\nbus = "can7"'), "motion.bus: no [[bus]] is named 'can7', found can0"),
+        (('vehicle = "test"', 'vehicle = "my/car"'), "vehicle: Expected `str` matching regex"),
+        (("yaw_deg = 45.0", "yaw_deg = 45.0\nfov_deg = 700"), "radar[0].fov_deg: Expected `float` <= 360"),
+        (
+            ("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "corner"'),
+            "radar[0]: no profile 'corner' is shipped, expected one of ars408, corner_radar",
+        ),
+        (("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "none.toml"'), "none.toml: cannot be read: No such file"),
+        (("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "vehicle_motion"'), "vehicle_motion.toml: "),
+        (("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "ford_mrr"'), "comes without a DBC file"),
+        (("yaw_deg = 45.0", 'yaw_deg = 45.0\ndbc = "none.dbc"'), "none.dbc: cannot be read: No such file"),
+        (('name = "front_left"', 'name = "front_left'), "is not valid TOML"),
+        (('model = "analytic"', 'model = "best"'), "model: 'best' found, expected analytic, default, paper, or the path of an .onnx file"),
+        (('vehicle = "test"', 'model_fallback = "yes"'), "model_fallback: Expected `bool`, got `str`"),
+        (('vehicle = "test"', 'map.fusion = "looks"'), "map.fusion: 'looks' found, expected 'sum' for the analytic model"),
+        (('vehicle = "test"', 'map.fusion = "mean"'), "map.fusion: "),
+        (("[motion]", SECOND.replace("front_right", "front_left") + "[motion]"), "radar[1].name: 'front_left' is taken already"),
+        (("[motion]", SECOND + "[motion]"), "radar[1]: 'front_right' and 'front_left' both read id 0x300 on bus 'can0'"),
+    ],
+)
+def test_a_mistake_is_one_sentence(tmp_path: Path, change: tuple[str, str], expected: str) -> None:
+    assert change[0] in CONFIG
+    assert expected in complaint(tmp_path, CONFIG.replace(*change))
+
+
+def test_no_radar_and_no_text(tmp_path: Path) -> None:
+    assert "radar: none is configured" in complaint(tmp_path, CONFIG[: CONFIG.index("[[radar]]")])
+    (tmp_path / "echogrid.toml").write_bytes(b"\xff\xfe")
+    with pytest.raises(EchogridError, match="is not a text file"):
+        load_config(tmp_path / "echogrid.toml")
+    with pytest.raises(EchogridError, match="cannot be read: No such file"):
+        load_config(tmp_path / "other.toml")
+
+
+def test_without_a_word_about_it_the_shipped_network_runs(tmp_path: Path) -> None:
+    path = tmp_path / "echogrid.toml"
+    path.write_text(CONFIG.replace('model = "analytic"', ""))
+    assert (load_config(path).model, load_config(path).map.fusion, load_config(path).model_fallback) == ("default", None, False)
+
+
+def test_the_command_lines_model_stands_in_for_the_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A path is from the working folder, as the shell completes it; in the file it is from the file's folder."""
+    path = tmp_path / "echogrid.toml"
+    path.write_text(CONFIG.replace('model = "analytic"', 'model = "paper"\nmap.fusion = "looks"'))
+    monkeypatch.chdir(tmp_path.parent)
+    assert load_config(path).model == "paper"
+    assert load_config(path, "default").model == "default"
+    assert load_config(path, "net.onnx").model == str(tmp_path.parent / "net.onnx")
+    with pytest.raises(EchogridError, match="map.fusion: 'looks' found, expected 'sum' for the analytic model"):
+        load_config(path, "analytic")
+
+
+@pytest.mark.parametrize("command", [("run", "-c"), ("check", "-c")])
+def test_the_command_line_says_it_without_a_traceback(tmp_path: Path, command: tuple[str, str]) -> None:
+    path = tmp_path / "echogrid.toml"
+    path.write_text(CONFIG.replace("yaw_deg", "yaw_dg"))
+    done = subprocess.run([sys.executable, "-m", "echogrid", *command, str(path)], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1
+    assert done.stderr == f"echogrid: {path}: radar[0]: unknown key 'yaw_dg'; did you mean 'yaw_deg'?\n"
+
+
+def test_the_smaller_bound_of_the_memory_wins() -> None:
+    assert Map(max_tiles=100, max_mib=256).tiles(4) == 100
+    assert Map(max_tiles=1024, max_mib=11).tiles(4) == 32  # of 352 KiB
+    assert Map(max_tiles=1024, max_mib=10).tiles(1) == 64  # of 160 KiB
+
+
+def test_more_radars_than_a_tile_has_bits_for_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "echogrid.toml"
+    one = CONFIG[CONFIG.index("[[radar]]") :].split("[[radar]]")[1]
+    for count, refused in ((16, False), (17, True)):
+        radars = [f"[[radar]]{one.replace('front_left', f'r{n}')}" for n in range(count)]
+        path.write_text(CONFIG.split("[[radar]]")[0] + "".join(radars))
+        if refused:
+            with pytest.raises(EchogridError, match="radar: 17 are configured, expected at most 16: the map keeps a bit for each"):
+                load_config(path)
+        else:
+            assert len(load_config(path).radar) == 16

@@ -1,0 +1,86 @@
+"""How radars alone see the car move, on detections whose range rates come from finite differences of ranges."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from echogrid.core.messages import RadarScan
+from echogrid.core.motion.odometry import EgoState
+from echogrid.core.motion.se2 import IDENTITY, SE2, arc
+from echogrid.core.radar.doppler_motion import LEAST, doppler_motion
+from echogrid.core.radar.mount import Mount
+from echogrid.core.radar.static_gate import GateNoise
+from echogrid.core.trust.mount_check import other_mount
+
+MOUNTS = [
+    Mount(SE2(x, y, math.radians(yaw)), math.radians(75), 25.0)
+    for x, y, yaw in ((3.6, 0.8, 45.0), (3.6, -0.8, -45.0), (-0.8, 0.8, 135.0), (-0.8, -0.8, -135.0))
+]
+
+
+def scan(mount: Mount, speed: float, yaw_rate: float, rng: np.random.Generator, count: int = 25, ambiguity: float = 0.0) -> RadarScan:
+    """Standing points somewhere in the field of view."""
+    range_, azimuth = rng.uniform(2, 20, count), rng.uniform(-1.2, 1.2, count)
+    points = mount.base_from_sensor.apply(np.stack((range_ * np.cos(azimuth), range_ * np.sin(azimuth)), axis=1))
+    step = 1e-5
+
+    def distance(time: float) -> np.ndarray:
+        sensor = arc(speed * time, yaw_rate * time) @ mount.base_from_sensor
+        return np.hypot(points[:, 0] - sensor.x, points[:, 1] - sensor.y)
+
+    rate = (distance(step) - distance(-step)) / (2 * step) + rng.normal(0, 0.1, count)
+    if ambiguity:
+        rate = (rate + ambiguity / 2) % ambiguity - ambiguity / 2
+    return RadarScan("r", 0, 0, range_, azimuth, rate, np.zeros(count), ambiguity)
+
+
+@pytest.mark.parametrize(("speed", "yaw_rate"), [(0.0, 0.0), (8.0, 0.0), (-3.0, 0.2), (5.0, -0.5), (25.0, 0.05)])
+def test_speed_and_yaw_rate_are_seen_among_a_third_of_movers(speed: float, yaw_rate: float) -> None:
+    rng = np.random.default_rng(3)
+    scans = [scan(mount, speed, yaw_rate, rng) for mount in MOUNTS]
+    for one in scans:
+        one.range_rate[:8] = rng.uniform(-15, 15, 8)
+    seen = doppler_motion(list(zip(scans, MOUNTS, strict=True)))
+    assert seen is not None
+    assert seen.speed == pytest.approx(speed, abs=0.12)
+    assert seen.yaw_rate == pytest.approx(yaw_rate, abs=0.04)
+    assert 0.6 < seen.support < 0.8
+
+
+def test_modulo_an_ambiguity_as_well() -> None:
+    rng = np.random.default_rng(4)
+    seen = doppler_motion([(scan(mount, 7.0, 0.1, rng, ambiguity=16.0), mount) for mount in MOUNTS])
+    assert seen is not None
+    assert (seen.speed, seen.yaw_rate) == (pytest.approx(7.0, abs=0.12), pytest.approx(0.1, abs=0.04))
+
+
+def test_too_few_say_nothing() -> None:
+    rng = np.random.default_rng(5)
+    assert doppler_motion([]) is None
+    assert doppler_motion([(scan(MOUNTS[0], 5.0, 0.0, rng, LEAST - 1), MOUNTS[0])]) is None
+
+
+@pytest.mark.parametrize(("really", "mirrored"), [(1, False), (3, False), (0, True)])
+def test_a_swapped_or_mirrored_radar_shows_how_it_is_mounted(really: int, mirrored: bool) -> None:
+    """What a radar at another corner measured, taken for that of the front left."""
+    rng = np.random.default_rng(6)
+    measured = scan(MOUNTS[really], 6.0, 0.0, rng, 40)
+    if mirrored:
+        measured.azimuth[:] *= -1
+    other = other_mount(measured, MOUNTS[0], EgoState(0, IDENTITY, 6.0, 0.0), GateNoise())
+    assert other.share > 0.9
+    yaw = math.radians(other.yaw_deg)
+    expected = MOUNTS[really].base_from_sensor.yaw
+    if other.mirrored != mirrored:  # at a speed straight ahead, reversed azimuths fit the mirror image of the mount just as well
+        expected = -expected
+    assert abs(np.angle(np.exp(1j * (yaw - expected)))) < math.radians(10)
+
+
+def test_what_moves_fits_no_mount() -> None:
+    """A column of cars that come the other way, and nothing else in view."""
+    rng = np.random.default_rng(7)
+    traffic = scan(MOUNTS[0], 20.0, 0.0, rng, 40)
+    assert other_mount(traffic, MOUNTS[0], EgoState(0, IDENTITY, 8.0, 0.0), GateNoise()).share < 0.4

@@ -1,0 +1,191 @@
+"""The running service: buses in, Zenoh out, and what it must not import."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zenoh
+from PIL import Image
+from tests.support import world
+from tests.support.places import DEMO
+
+from echogrid.client import Client
+from echogrid.commands.demo import demo
+from echogrid.commands.replay import replay
+from echogrid.config.tables import load_config
+from echogrid.live import service as app
+from echogrid.logs.drive import find_drive
+from echogrid.pipeline import Pipeline
+from echogrid.topics.topic import META
+from echogrid.zenoh.publisher import key, session_config
+
+
+def test_through_a_virtual_bus_the_map_is_that_of_the_file(tmp_path: Path) -> None:
+    """The demo's whole way: CAN bus, service threads, Zenoh, a subscriber in another process."""
+    through_bus = demo(tmp_path / "bus")
+    from_file = replay(find_drive(DEMO, None), tmp_path / "file")
+    assert through_bus["map_sha256"] == from_file["map_sha256"]
+    assert through_bus["cycles"] == from_file["cycles"] > 700
+    assert (tmp_path / "bus" / "received.png").is_file()
+    with Image.open(tmp_path / "bus" / "side_by_side.png") as sheet:
+        assert min(sheet.size) > 400
+    with np.load(tmp_path / "bus" / "map.npz") as file:
+        assert (file["log_odds"] > 1).sum() > 1000
+
+
+def test_nothing_in_the_service_imports_torch_or_the_training_package() -> None:
+    code = (
+        "import importlib, pkgutil, sys, echogrid\n"
+        "for module in pkgutil.walk_packages(echogrid.__path__, 'echogrid.'):\n"
+        "    if not module.name.endswith('__main__'): importlib.import_module(module.name)\n"
+        "print(sorted(name for name in sys.modules if name.split('.')[0] in ('torch', 'echogrid_training')))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.strip() == "[]"
+
+
+def test_the_analytic_model_needs_no_onnxruntime(config: tuple[Path, int]) -> None:
+    """52 MiB that a small computer may not have to spare."""
+    path, _ = config
+    code = (
+        "import sys; from pathlib import Path; from echogrid.live import service; from echogrid.config.tables import load_config\n"
+        f"path = Path({str(path)!r}); app.Pipeline(load_config(path), path); print('onnxruntime' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.strip() == "False"
+
+
+@pytest.fixture
+def config(tmp_path: Path, port: int) -> tuple[Path, int]:
+    """A service on a UDP-multicast-free, in-process bus: alive, but without traffic."""
+    path = tmp_path / "echogrid.toml"
+    path.write_text(world.CONFIG + f'\n[publish]\nlisten = ["tcp/127.0.0.1:{port}"]\n')
+    return path, port
+
+
+def test_meta_is_said_again(config: tuple[Path, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not all who come later are given the last one: see docs/interface.md. This subscriber asks for nothing that was."""
+    path, port = config
+    monkeypatch.setattr(app, "META_PERIOD", 0.2)
+    service = app.Service(Pipeline(load_config(path), path))
+    running = threading.Thread(target=service.run)
+    running.start()
+    try:
+        with zenoh.open(session_config((), (f"tcp/127.0.0.1:{port}",), sends=False)) as session:
+            said = session.declare_subscriber(key("*", META.name))
+            for _ in range(3):
+                assert json.loads(bytes(said.recv().payload))["frames"] == {"map": "odom", "car": "base"}
+    finally:
+        service.stop.set()
+        running.join()
+
+
+def test_run_says_that_it_waits_and_ends_cleanly_on_a_signal(config: tuple[Path, int]) -> None:
+    path, port = config
+    command = [sys.executable, "-W", "error", "-m", "echogrid", "run", "-c", str(path)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as service:
+        with Client(f"tcp/127.0.0.1:{port}", "test") as client:
+            status = None
+            deadline = time.monotonic() + 30
+            while status is None and time.monotonic() < deadline:
+                status = client.status(timeout=1.0)
+            assert status is not None
+            assert status["state"] == "stale"
+            assert status["buses"]["can0"] == {"frames": 0, "errors": 0, "bus_off": 0, "overflow": 0, "reconnects": 0, "up": True}
+            assert set(status["sensors"]) == set(world.RADARS)
+            assert client.alive()
+        os.kill(service.pid, signal.SIGTERM)
+        _, errors = service.communicate(timeout=10)
+    assert service.returncode == 0
+    assert "Traceback" not in errors
+    assert "stopped after 0 cycles" in errors
+
+
+def test_a_bus_that_is_not_there_is_one_sentence(tmp_path: Path, config: tuple[Path, int]) -> None:
+    path, _ = config
+    text = path.read_text().replace('interface = "virtual"', 'interface = "socketcan"').replace('channel = "can0"', 'channel = "can97"')
+    path.write_text(text)
+    command = [sys.executable, "-m", "echogrid", "run", "-c", str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1
+    lines = done.stderr.splitlines()
+    assert lines[-1].startswith(f"echogrid: {path}: bus 'can0': socketcan channel 'can97' cannot be opened: ")
+    assert "Traceback" not in done.stderr
+
+
+def test_status_is_json(config: tuple[Path, int]) -> None:
+    from echogrid.config.tables import load_config
+    from echogrid.live.service import Service
+    from echogrid.pipeline import Pipeline
+
+    path, _ = config
+    status = json.loads(json.dumps(Service(Pipeline(load_config(path), path)).status()))
+    assert (status["state"], status["model"]) == ("stale", "the analytic model, as configured")
+
+
+def test_on_sighup_it_takes_over_what_can_change_and_refuses_the_rest(config: tuple[Path, int]) -> None:
+    path, port = config
+    before = path.read_text()
+    command = [sys.executable, "-m", "echogrid", "run", "-c", str(path)]
+    said: list[str] = []
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as service:
+        assert service.stderr is not None
+        with Client(f"tcp/127.0.0.1:{port}", "test") as client:
+            assert client.status(timeout=30.0) is not None
+            for text in (before + "rate_hz = 5.0\n", before.replace('channel = "can0"', 'channel = "can1"'), "vehicle = 3"):
+                path.write_text(text)
+                os.kill(service.pid, signal.SIGHUP)
+                while not said or ("read again" not in said[-1] and "not reloaded" not in said[-1]):
+                    said.append(service.stderr.readline())
+                said.append("")
+            assert client.status(timeout=5.0) is not None
+        service.terminate()
+        assert service.wait(timeout=10) == 0
+    told = [line for line in said if "reload" in line or "read again" in line]
+    assert "rate_hz=5.0" in told[0]
+    assert "bus: only rate_hz and window_cells of [publish] can change without a restart" in told[1]
+    assert "not reloaded" in told[2]
+    assert "vehicle" in told[2]
+
+
+def test_the_last_status_says_that_it_stopped(config: tuple[Path, int]) -> None:
+    path, port = config
+    with subprocess.Popen([sys.executable, "-m", "echogrid", "run", "-c", str(path)], stderr=subprocess.DEVNULL) as service:
+        with Client(f"tcp/127.0.0.1:{port}", "test") as client:
+            assert client.status(timeout=30.0) is not None
+            began = time.monotonic()
+            service.terminate()
+            states = []
+            while (status := client.status(timeout=2.0)) is not None:
+                states.append(status["state"])
+        assert service.wait(timeout=10) == 0
+        assert time.monotonic() - began < 10
+    assert states[-1] == "stopped"
+
+
+def test_systemd_hears_ready_rates_watchdog_and_the_end(config: tuple[Path, int], tmp_path: Path) -> None:
+    path, _ = config
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        manager.settimeout(30.0)
+        environment = os.environ | {"NOTIFY_SOCKET": str(tmp_path / "notify"), "STATE_DIRECTORY": str(tmp_path)}
+        command = [sys.executable, "-m", "echogrid", "run", "-c", str(path)]
+        with subprocess.Popen(command, stderr=subprocess.DEVNULL, env=environment) as service:
+            heard = [manager.recv(4096).decode() for _ in range(4)]
+            service.terminate()
+            while heard[-1] != "STOPPING=1":
+                heard.append(manager.recv(4096).decode())
+            assert service.wait(timeout=10) == 0
+    assert heard[0] == "READY=1\nSTATUS=live on can0 (virtual can0); no map yet"
+    assert "WATCHDOG=1" in heard  # a bus without traffic is no fault of the service
+    assert any(line.startswith("STATUS=stale; 0.0 maps/s") for line in heard)

@@ -1,0 +1,175 @@
+"""Recordings from end to end: what they hold was published, and a replay of one is a replay of the drive."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+import time
+from argparse import ArgumentTypeError
+from pathlib import Path
+
+import can
+import pytest
+from tests.support import mcap_files, world
+from tests.support.foxglove_client import viewer
+
+from echogrid.cli import _address
+from echogrid.commands.demo import on_virtual_buses
+from echogrid.commands.replay import Recorder, replay
+from echogrid.config.tables import load_config
+from echogrid.core.mapper import MapUpdate
+from echogrid.live.service import Service
+from echogrid.logs.drive import find_drive
+from echogrid.logs.log import Log
+from echogrid.pipeline import Pipeline
+from echogrid.topics.topic import FULL, NAMESPACE, Message
+
+ROS = {"/echogrid/map", "/echogrid/map_updates", "/echogrid/odom", "/tf", "/echogrid/detections", "/diagnostics"}
+JSON = {"/echogrid/status", "/echogrid/meta"}
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    wall = world.standing([(x * 0.3, 6.0) for x in range(-20, 120)])
+    return world.write_drive(tmp_path_factory.mktemp("drive"), world.record(world.circle(6.0, 0.1), [wall], 4.0))
+
+
+def echogrid(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-W", "error", "-m", "echogrid", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+def stamps(row: mcap_files.Read) -> set[int]:
+    """The stamps in the headers of a message of ROS."""
+    headers = [transform.header for transform in row.message.transforms] if row.topic == "/tf" else [row.message.header]
+    return {header.stamp.sec * 10**9 + header.stamp.nanosec for header in headers}
+
+
+def test_a_replay_of_a_recording_of_a_replay_gives_the_same_map_and_the_same_file(drive: Path, tmp_path: Path) -> None:
+    first, second = tmp_path / "first.mcap", tmp_path / "second.mcap"
+    done = echogrid("replay", drive, "--out", tmp_path / "one", "--record", first)
+    assert (done.returncode, done.stderr) == (0, "")
+    plain = replay(find_drive(drive, None), tmp_path / "plain")
+    again = replay(find_drive(first, drive / "echogrid.toml"), tmp_path / "two", record=second)
+    assert again["map_sha256"] == plain["map_sha256"]
+    assert again["frames"] == plain["frames"]
+    assert first.read_bytes() == second.read_bytes()
+    rows = mcap_files.read(first)
+    assert {row.topic for row in rows} == ROS | JSON | {"/can/can0"}
+    assert all(row.log_time == row.publish_time for row in rows)
+    assert all(stamps(row) == {row.log_time} for row in rows if row.topic not in JSON)
+    frames = [row.message for row in rows if row.topic == "/can/can0"]
+    logged = list(can.LogReader(drive / "can.log"))
+    assert [(frame.id, frame.data.tobytes(), frame.timestamp) for frame in frames] == [
+        (message.arbitration_id, bytes(message.data), message.timestamp) for message in logged
+    ]
+    done = echogrid("check", "-c", drive / "echogrid.toml", first)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_folder_may_hold_a_recording(drive: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "drive"
+    folder.mkdir()
+    (folder / "echogrid.toml").write_bytes((drive / "echogrid.toml").read_bytes())
+    plain = replay(find_drive(drive, None), tmp_path / "plain", record=folder / "can.mcap")
+    assert replay(find_drive(folder, None), tmp_path / "again")["map_sha256"] == plain["map_sha256"]
+
+
+def test_a_torn_recording_is_mapped_up_to_where_it_tears(drive: Path, tmp_path: Path) -> None:
+    whole, torn = tmp_path / "whole.mcap", tmp_path / "torn.mcap"
+    replay(find_drive(drive, None), tmp_path / "plain", record=whole)
+    data = whole.read_bytes()
+    torn.write_bytes(data[: len(data) // 2])
+    done = echogrid("replay", torn, "-c", drive / "echogrid.toml", "--out", tmp_path / "out")
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert done.stderr.startswith(f"echogrid: {torn}: cannot be read beyond message ")
+
+
+def test_a_log_of_another_car_leaves_no_recording_behind(drive: Path, tmp_path: Path) -> None:
+    (tmp_path / "other.log").write_text("(1.0) can0 123#00\n(2.0) can0 456#00\n")
+    done = echogrid("replay", tmp_path / "other.log", "-c", drive / "echogrid.toml", "--record", tmp_path / "a.mcap")
+    assert done.returncode == 1
+    assert "none of its 2 frames is one that" in done.stderr
+    assert not (tmp_path / "a.mcap").exists()
+
+
+class Everything:
+    """A sink that keeps all."""
+
+    def __init__(self) -> None:
+        self.messages: list[Message] = []
+
+    def put(self, message: Message) -> None:
+        self.messages.append(message)
+
+
+def test_a_running_service_records_what_it_maps_and_publishes_and_shows_it(drive: Path, tmp_path: Path) -> None:
+    """Over a virtual bus, with a viewer that watches."""
+    path, source = tmp_path / "live.mcap", tmp_path / "echogrid.toml"
+    source.write_text(world.CONFIG.replace('channel = "can0"', 'channel = "can0"\nlog_channel = 7'))
+    pipeline = Pipeline(on_virtual_buses(load_config(source)), source)
+    recorder, mapped, sink = Recorder(pipeline), list[can.Message](), Everything()
+
+    def add(bus: str, message: can.Message) -> MapUpdate | None:
+        mapped.append(message)
+        return recorder.add(bus, message)
+
+    service = Service(pipeline, add, record=path, foxglove=("127.0.0.1", 0))
+    service.sinks.append(sink)
+    thread = threading.Thread(target=service.run)
+    thread.start()
+    seen: list[tuple[int, int, bytes]] = []
+    try:
+        assert service.live.wait(30)
+        (port,) = [view.port for view in service.sinks if hasattr(view, "port")]
+        logged = list(can.LogReader(drive / "can.log"))
+        with (
+            viewer(port) as view,
+            can.Bus(interface="virtual", channel="can0", protocol=can.CanProtocol.CAN_FD, preserve_timestamps=True) as bus,
+        ):
+            topics = ["/echogrid/map", "/echogrid/odom", "/echogrid/grid/fused/full"]
+            view.subscribe(topics)
+            for number, message in enumerate(logged):
+                bus.send(message)
+                if number % 100 == 0:
+                    time.sleep(0.05)
+            while len(mapped) < len(logged):
+                time.sleep(0.01)
+            while (got := view.receive(0.5)) is not None:
+                seen.append(got)
+        status = service.status()
+    finally:
+        service.stop.set()
+        thread.join()
+    assert service.failure is None
+    recording = status["recording"]
+    assert (recording["file"], recording["state"], recording["left_out"]) == (str(path), "recording", 0)
+
+    digest = recorder.write(tmp_path / "live", None)["map_sha256"]
+    assert replay(find_drive(path, source), tmp_path / "again")["map_sha256"] == digest
+    back = list(Log(path))
+    assert [(m.arbitration_id, m.timestamp, bytes(m.data)) for m in back] == [
+        (m.arbitration_id, m.timestamp, bytes(m.data)) for m in mapped
+    ]
+
+    published = [(m.topic.ros or f"{NAMESPACE}/{m.topic.name}", m.stamp_ns, m.payload) for m in sink.messages]
+    rows = [(row.topic, row.log_time, row.data) for row in mcap_files.read(path) if not row.topic.startswith("/can/")]
+    assert rows == [row for row in published if row[0] != f"{NAMESPACE}/{FULL.name}"]
+    assert {topic for topic, _, _ in rows} == ROS | JSON
+    assert {number for number, _, _ in seen} == {0, 1, 2}
+    assert {(topics[number], at_ns, payload) for number, at_ns, payload in seen} <= set(published)
+
+
+@pytest.mark.parametrize(
+    ("text", "address"), [("8765", ("127.0.0.1", 8765)), ("0.0.0.0:1", ("0.0.0.0", 1)), ("[::1]:80", ("::1", 80)), ("car:1", ("car", 1))]
+)
+def test_a_view_is_for_this_machine_alone_unless_a_host_is_written_out(text: str, address: tuple[str, int]) -> None:
+    assert _address(text) == address
+
+
+@pytest.mark.parametrize("text", ["", "x", ":1", "1:", "65536", "-1", "host"])
+def test_what_is_no_address_is_refused(text: str) -> None:
+    with pytest.raises(ArgumentTypeError, match="is no address, expected PORT or HOST:PORT"):
+        _address(text)

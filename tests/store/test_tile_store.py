@@ -1,0 +1,357 @@
+"""The file of tiles against plain arrays, and what is no such file."""
+
+from __future__ import annotations
+
+import sqlite3
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import zstandard
+from tests.support import disk
+from tests.support.places import DOCS
+
+from echogrid.core.evidence.raster import GridSpec
+from echogrid.core.map.look_map import Calibration, LookMap
+from echogrid.core.map.occupancy import OccupancyMap
+from echogrid.core.map.tile import SIDE, Tile, TileKey
+from echogrid.core.map.tiled_map import View
+from echogrid.core.motion.se2 import SE2
+from echogrid.errors import EchogridError
+from echogrid.store.stored_map import describe, stored_map
+from echogrid.store.tile_store import Description, Epoch, ForeignFileError, StoreError, TileStore
+
+LOOKS = Description(17, "car", 0.25, "looks", 3.5, Calibration(1.2, -0.1), ("front", "rear"))
+SUM = Description(18, "car", 0.25, "sum", 3.0, Calibration(), ("front",))
+
+
+def random_tile(rng: np.random.Generator, layers: int = 4) -> Tile:
+    return Tile(
+        rng.normal(size=(layers, SIDE, SIDE)).astype(np.float32),
+        rng.integers(0, 2**32, (SIDE, SIDE), dtype=np.uint32),
+        rng.integers(0, 2**16, (SIDE, SIDE), dtype=np.uint16),
+    )
+
+
+def same(one: Tile | None, other: Tile) -> bool:
+    assert one is not None
+    return all(getattr(one, name).tobytes() == getattr(other, name).tobytes() for name in ("layers", "seen_s", "radars"))
+
+
+def test_what_was_written_is_read_bit_for_bit(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    path = tmp_path / "a.egmap"
+    written: dict[tuple[int, TileKey], Tile] = {}
+    with TileStore(path, write=True) as store, TileStore(path) as reader:
+        for description in (LOOKS, SUM):
+            epoch = store.begin(description)
+            for stamp_ns in (100, 200):
+                keys = [(int(row), int(column)) for row, column in rng.integers(-3, 3, (8, 2))]
+                tiles = {key: random_tile(rng, description.layers) for key in keys}
+                store.write(epoch, tiles, stamp_ns)
+                written |= {(epoch, key): tile for key, tile in tiles.items()}
+        for (epoch, key), tile in written.items():  # another connection, while the first is open
+            assert same(reader.read(epoch, key), tile)
+        assert {(epoch, key) for epoch in reader.numbers() for key in reader.tiles(epoch)} == written.keys()
+        assert reader.read(1, (99, 99)) is None
+        assert reader.read(99, (0, 0)) is None
+    with TileStore(path) as reader:
+        looks, total = reader.epochs()
+        assert (looks.id, looks.description, looks.newest_ns) == (1, LOOKS, 200)
+        assert (total.id, total.description, total.tiles) == (2, SUM, sum(epoch == 2 for epoch, _ in written))
+        assert looks.bytes > looks.tiles * 100_000
+        with pytest.raises(EchogridError, match=r"a\.egmap: epoch 7 is not there, found 1, 2"):
+            reader.description(7)
+
+
+def test_a_reader_written_from_the_documentation_alone_reads_the_same(tmp_path: Path) -> None:
+    """docs/store.md in a dozen lines: sqlite3, zstd and struct."""
+    tile, path = random_tile(np.random.default_rng(1)), tmp_path / "a.egmap"
+    with TileStore(path, write=True) as store:
+        store.write(store.begin(LOOKS), {(3, -4): tile}, 5)
+    connection = sqlite3.connect(path)
+    try:
+        assert connection.execute("PRAGMA application_id").fetchone()[0] == int.from_bytes(b"egmp", "big")
+        ((row, col, data),) = connection.execute("SELECT row, col, data FROM tile WHERE epoch = 1").fetchall()
+    finally:
+        connection.close()
+    raw = zstandard.ZstdDecompressor().decompress(data)
+    cells = 128 * 128
+    assert (row, col, len(raw)) == (3, -4, 22 * cells)
+    for i, j, layer in ((0, 0, 0), (5, 77, 3), (127, 127, 1)):
+        n, count = (layer * 128 + i) * 128 + j, 4 * cells
+        assert struct.unpack("<f", bytes(raw[n + byte * count] for byte in range(4)))[0] == tile.layers[layer, i, j]
+        n = i * 128 + j
+        assert struct.unpack("<I", bytes(raw[16 * cells + n + byte * cells] for byte in range(4)))[0] == tile.seen_s[i, j]
+        assert struct.unpack("<H", bytes(raw[20 * cells + n + byte * cells] for byte in range(2)))[0] == tile.radars[i, j]
+
+
+def test_the_reader_in_the_documentation_reads_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tile, text = random_tile(np.random.default_rng(1)), (DOCS / "store.md").read_text()
+    with TileStore(tmp_path / "map.egmap", write=True) as store:
+        store.write(store.begin(LOOKS), {(3, -4): tile}, 5)
+    monkeypatch.chdir(tmp_path)
+    found: dict[str, Any] = {}
+    try:
+        exec(text.split("```python\n")[1].split("```")[0], found)
+    finally:
+        found["db"].close()
+    assert same(Tile(found["layers"], found["seen_s"], found["seen_by"]), tile)
+    assert (found["y"], found["x"]) == (96.0, -128.0)
+
+
+@pytest.mark.parametrize("kind", [LookMap, OccupancyMap])
+def test_a_stored_map_reads_as_the_one_that_was_stored(tmp_path: Path, kind: type) -> None:
+    spec = GridSpec(32, 0.25)
+    occupancy = LookMap(spec, Calibration(1.3, 0.2)) if kind is LookMap else OccupancyMap(spec, 2.0)
+    rng = np.random.default_rng(2)
+    for n in range(100):
+        said = rng.uniform(0, 1, (3, 32, 32)).astype(np.float32)
+        pose = SE2(*rng.uniform(-150, 150, 2).tolist(), float(rng.uniform(-4, 4)))
+        occupancy.integrate(said if kind is LookMap else said[0], pose, View(n * 10**9, np.ones((32, 32), np.uint16)))
+    assert len(occupancy.tiles) > 64  # more than a stored map has in memory
+    with TileStore(tmp_path / "a.egmap", write=True) as store:
+        epoch = store.begin(describe(occupancy, "car", ("front",), 1))
+        store.write(epoch, occupancy.tiles, 5)
+        stored = stored_map(store, epoch)
+        assert type(stored) is kind
+        assert stored.bounds() == occupancy.bounds()
+        everywhere = occupancy.bounds()
+        assert stored.window(*everywhere).tobytes() == occupancy.window(*everywhere).tobytes()
+        assert stored.whole()[:2] == occupancy.whole()[:2]
+        for one, other in zip(stored.window_of_views(*everywhere), occupancy.window_of_views(*everywhere), strict=True):
+            np.testing.assert_array_equal(one, other)
+        with pytest.raises(TypeError):
+            stored.clear()
+
+
+def test_epochs_count_on_and_empty_ones_go(tmp_path: Path) -> None:
+    path, tile = tmp_path / "a.egmap", Tile.empty(4)
+    for expected in (1, 2, 3):  # opened anew each time, never a tile
+        with TileStore(path, write=True) as store:
+            assert store.next_epoch() == expected == store.begin(LOOKS)
+            assert store.numbers() == [expected]
+    with TileStore(path, write=True) as store:
+        store.write(3, {(0, 0): tile}, 1)
+        assert store.begin(LOOKS, 9) == 9
+        store.forget(9)
+        store.forget(3)
+        assert store.begin(SUM) == 10  # never a number twice
+        with pytest.raises(StoreError, match="epoch 10 is to begin, but 10 has begun: another process writes this file"):
+            store.begin(LOOKS, 10)
+        assert store.numbers() == [10]
+
+
+def test_what_is_forgotten_makes_room_and_the_file_can_shrink(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    path = tmp_path / "a.egmap"
+    with TileStore(path, write=True) as store:
+        for stamp_ns in range(3):
+            epoch = store.begin(LOOKS)
+            store.write(epoch, {(n, n): random_tile(rng) for n in range(10)}, stamp_ns)
+        full, used = store.size(), store.used()
+        assert full == used
+        store.forget(1)
+        assert store.used() == pytest.approx(used * 2 / 3, rel=0.02)
+        assert store.size() == full
+        store.write(3, {(n, -n): random_tile(rng) for n in range(1, 9)}, 4)
+        assert store.size() == full  # what comes next has room in it
+        assert [key for key in store.forget_oldest(3) if key[0] == -key[1] != 0] == [(n, -n) for n in range(1, 9)]
+        store.shrink(full // 2)
+        assert full * 0.4 < store.size() <= full // 2
+        store.shrink()
+        assert store.size() == store.used() < full * 0.4
+        assert path.stat().st_size == store.size()
+        assert store.tiles(2) == [(n, n) for n in range(10)]
+        assert store.read(2, (4, 4)) is not None
+
+
+def test_the_tiles_written_longest_ago_are_the_oldest(tmp_path: Path) -> None:
+    with TileStore(tmp_path / "a.egmap", write=True) as store:
+        epoch = store.begin(SUM)
+        for stamp_ns in (3, 1, 2):
+            store.write(epoch, {(stamp_ns, n): Tile.empty(1) for n in range(40)}, stamp_ns)
+        assert store.forget_oldest(epoch) == [(1, n) for n in range(40)] + [(2, n) for n in range(24)]
+        assert len(store.tiles(epoch)) == 56
+
+
+def test_many_writes_keep_the_wal_file_small(tmp_path: Path) -> None:
+    path, rng = tmp_path / "a.egmap", np.random.default_rng(4)
+    with TileStore(path, write=True) as store, TileStore(path) as reader:
+        epoch = store.begin(LOOKS)
+        for n in range(20):
+            store.write(epoch, {(n % 10, column): random_tile(rng) for column in range(4)}, n)
+            assert reader.read(epoch, (n % 10, 0)) is not None
+        assert store.size() > 10 << 20
+        store.forget(epoch)  # what goes is not written again
+        assert path.with_name("a.egmap-wal").stat().st_size < 6 << 20
+    assert [file.name for file in tmp_path.iterdir()] == ["a.egmap"]  # closed, there is nothing beside it
+
+
+def foreign_database(path: Path) -> None:
+    connection = sqlite3.connect(path)
+    connection.executescript("CREATE TABLE other(a); INSERT INTO other VALUES (1)")
+    connection.close()
+
+
+def other_tables(path: Path) -> None:
+    connection = sqlite3.connect(path)
+    connection.executescript(
+        "PRAGMA application_id = 0x65676d70; PRAGMA user_version = 1; CREATE TABLE tile(a); CREATE VIEW epoch AS SELECT 1"
+    )
+    connection.close()
+
+
+def newer(path: Path) -> None:
+    TileStore(path, write=True).close()
+    connection = sqlite3.connect(path)
+    connection.execute("PRAGMA user_version = 2")
+    connection.close()
+
+
+@pytest.mark.parametrize("write", [False, True])
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (lambda path: path.write_bytes(b"x" * 5000), "is no map of echogrid: it is no SQLite file"),
+        (lambda path: path.write_text("[map]"), "is no map of echogrid: it is no SQLite file"),
+        (foreign_database, "is no map of echogrid: application id 0x00000000 found, expected 0x65676D70"),
+        (other_tables, "is no map of echogrid: tables epoch, tile found, expected epoch, tile as this version makes them"),
+        (newer, "a map of version 2 found, expected 1: update echogrid, or name another file"),
+    ],
+)
+def test_another_file_is_one_sentence_and_stays_as_it_is(tmp_path: Path, make: object, sentence: str, write: bool) -> None:
+    assert callable(make)
+    path = tmp_path / "a.egmap"
+    make(path)
+    before = path.read_bytes()
+    with pytest.raises(ForeignFileError) as refused:
+        TileStore(path, write=write)
+    assert str(refused.value).startswith(f"{path}: ")
+    assert sentence in str(refused.value)
+    assert path.read_bytes() == before
+
+
+def test_a_file_that_is_not_there_or_empty_is_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "a.egmap"
+    with pytest.raises(StoreError, match=r"a\.egmap: unable to open database file"):
+        TileStore(path)
+    path.touch()
+    with pytest.raises(StoreError, match=r"a\.egmap: is empty"):
+        TileStore(path)
+    with TileStore(path, write=True) as store:  # what a process leaves that was killed at its first breath
+        assert store.begin(LOOKS) == 1
+    with pytest.raises(StoreError, match="unable to open"):
+        TileStore(tmp_path / "nowhere" / "a.egmap", write=True)
+
+
+def filled(path: Path, tiles: int = 30) -> dict[TileKey, Tile]:
+    rng = np.random.default_rng(5)
+    made = {(n, 0): random_tile(rng) for n in range(tiles)}
+    with TileStore(path, write=True) as store:
+        store.write(store.begin(LOOKS), made, 5)
+    return made
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_torn_file_gives_right_tiles_or_a_sentence(tmp_path: Path, seed: int) -> None:
+    """Cut short, or with some bytes overwritten: never another tile than the one that was written, never a traceback."""
+    path, rng = tmp_path / "a.egmap", np.random.default_rng(seed)
+    made = filled(path)
+    data = bytearray(path.read_bytes())
+    if seed % 3 == 0:
+        del data[int(rng.integers(1, len(data))) :]
+    else:
+        for place in rng.integers(0 if seed % 3 == 1 else 4096, len(data), 40):
+            data[place : place + 64] = rng.bytes(64)
+    path.write_bytes(data)
+    told: list[str] = []
+    try:
+        with TileStore(path) as store:
+            for key, tile in made.items():
+                try:
+                    found = store.read(1, key)
+                    assert found is None or same(found, tile)
+                    told += [] if found else [f"{path}: {key} is gone"]
+                except StoreError as error:
+                    told.append(str(error))
+    except (StoreError, ForeignFileError) as error:
+        told.append(str(error))
+    assert told
+    assert all(sentence.startswith(f"{path}: ") for sentence in told)
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [
+        ("cell", -1.0),
+        ("cell", "x"),
+        ("kind", "mean"),
+        ("clamp", 0.0),
+        ("calibration", "[1]"),
+        ("calibration", "[1e999, 0]"),
+        ("calibration", b"\xff"),
+        ("radars", '["a", 3]'),
+        ("radars", str([f"r{n}" for n in range(17)]).replace("'", '"')),
+        ("begun_ns", "now"),
+    ],
+)
+def test_an_epoch_that_cannot_be_is_one_sentence(tmp_path: Path, column: str, value: object) -> None:
+    path = tmp_path / "a.egmap"
+    filled(path, tiles=1)
+    connection = sqlite3.connect(path)
+    connection.execute(f"UPDATE epoch SET {column} = ?", (value,))
+    connection.commit()
+    connection.close()
+    with TileStore(path) as store:
+        with pytest.raises(EchogridError, match=r"a\.egmap: epoch 1"):
+            store.epochs()
+        with pytest.raises(EchogridError, match=r"a\.egmap: epoch 1"):
+            stored_map(store, 1)
+
+
+@pytest.mark.parametrize("data", [b"", b"nothing", zstandard.compress(b"short"), zstandard.compress(bytes(22 * SIDE * SIDE + 1))])
+def test_data_that_is_no_tile_is_one_sentence(tmp_path: Path, data: bytes) -> None:
+    path = tmp_path / "a.egmap"
+    filled(path, tiles=1)
+    connection = sqlite3.connect(path)
+    connection.execute("UPDATE tile SET data = ?", (data,))
+    connection.commit()
+    connection.close()
+    with TileStore(path) as store, pytest.raises(StoreError, match=r"a\.egmap: tile \(0, 0\) of epoch 1 is damaged"):
+        store.read(1, (0, 0))
+
+
+def test_a_bomb_is_not_unpacked(tmp_path: Path) -> None:
+    path = tmp_path / "a.egmap"
+    filled(path, tiles=1)
+    bomb = zstandard.compress(bytes(1 << 28), level=1)
+    assert len(bomb) < 1 << 20
+    connection = sqlite3.connect(path)
+    connection.execute("UPDATE tile SET data = ?", (bomb,))
+    connection.commit()
+    connection.close()
+    with TileStore(path) as store, pytest.raises(StoreError, match="268435456 bytes found, expected 360448"):
+        store.read(1, (0, 0))
+
+
+def test_a_map_on_a_disk_that_cannot_be_written_is_read(tmp_path: Path) -> None:
+    shown = tmp_path / "shown"
+    shown.mkdir()
+    made = filled(shown / "a.egmap", tiles=2)
+    with disk.read_only(tmp_path / "disk", shown) as folder:
+        with TileStore(folder / "a.egmap") as store:
+            assert same(store.read(1, (1, 0)), made[1, 0])
+        for name in ("a.egmap", "b.egmap"):  # one that is there, and one that cannot be made
+            with pytest.raises(StoreError) as refused, TileStore(folder / name, write=True) as store:
+                store.begin(LOOKS)
+            assert refused.value.state == "read-only"
+    assert [path.name for path in shown.iterdir()] == ["a.egmap"]
+
+
+def test_an_epoch_without_tiles_has_no_newest_stamp(tmp_path: Path) -> None:
+    with TileStore(tmp_path / "a.egmap", write=True) as store:
+        store.begin(SUM)
+        assert store.epochs() == (Epoch(1, SUM, 0, 0, None),)

@@ -1,0 +1,130 @@
+"""CAN frames for tests, encoded by cantools and checksummed bit by bit: independent of the service's own decoding."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import can
+import cantools
+from tests.support.places import DBC
+
+RADAR = cantools.database.load_file(DBC / "corner_radar.dbc")
+CLASSIC = cantools.database.load_file(DBC / "corner_radar_classic.dbc")
+MOTION = cantools.database.load_file(DBC / "vehicle_motion.dbc")
+
+Detection = tuple[float, float, float]  # range m, azimuth rad, range rate m/s
+
+
+def crc(data: bytes, bits: int, polynomial: int, start: int, final: int, reflected: bool = False) -> int:
+    """A CRC by its definition, bit for bit."""
+    top, mask, register = 1 << (bits - 1), (1 << bits) - 1, start
+    for byte in data:
+        for i in range(8):
+            bit = byte >> (i if reflected else 7 - i) & 1
+            carry = bool(register & top) ^ bool(bit)
+            register = register << 1 & mask
+            if carry:
+                register ^= polynomial
+    if reflected:
+        register = int(f"{register:0{bits}b}"[::-1], 2)
+    return register ^ final
+
+
+def crc8(data: bytes) -> int:
+    """SAE J1850."""
+    return crc(data, 8, 0x1D, 0xFF, 0xFF)
+
+
+def crc16(data: bytes) -> int:
+    """IBM-3740."""
+    return crc(data, 16, 0x1021, 0xFFFF, 0)
+
+
+def crc32(data: bytes) -> int:
+    """ISO-HDLC."""
+    return crc(data, 32, 0x04C11DB7, 0xFFFFFFFF, 0xFFFFFFFF, reflected=True)
+
+
+def frame(identifier: int, data: bytes, time: float, channel: str = "can0", fd: bool = False) -> can.Message:
+    return can.Message(
+        arbitration_id=identifier, data=data, timestamp=time, channel=channel, is_fd=fd, bitrate_switch=fd, is_extended_id=False
+    )
+
+
+def radar_cycle(
+    detections: Sequence[Detection], cycle: int, time: float, *, offset: int = 0, age_ms: float = 20.0, rcs: float = -10.0
+) -> list[can.Message]:
+    """Header and pages of one cycle of the CAN FD radar; `time` is when the header is received."""
+    pages = []
+    for page in range(math.ceil(len(detections) / 8)):
+        values: dict[str, float] = {"CycleCounter": cycle % 256, "Page": page}
+        for k in range(1, 9):
+            index = page * 8 + k - 1
+            there = index < len(detections)
+            range_, azimuth, range_rate = detections[index] if there else (0.0, 0.0, 0.0)
+            values |= {f"Range_{k}": range_, f"Azimuth_{k}": azimuth, f"RangeRate_{k}": range_rate}
+            values |= {f"Rcs_{k}": rcs if there else 0.0, f"Quality_{k}": 31, f"Valid_{k}": int(there)}
+        pages.append(RADAR.encode_message("RadarDetections", values))
+    header = {"CycleCounter": cycle % 256, "DetectionCount": len(detections), "MeasurementAge": age_ms}
+    header |= {"AmbiguityInterval": 0, "Blockage": 0, "Crc": 0}
+    summed = RADAR.encode_message("RadarHeader", header)
+    summed = summed[:8] + summed[12:] + b"".join(pages)
+    header["Crc"] = crc32(summed)
+    payload = RADAR.encode_message("RadarHeader", header)
+    messages = [frame(0x300 + offset, payload, time, fd=True)]
+    return messages + [frame(0x301 + offset, page, time + 0.0003 * (n + 1), fd=True) for n, page in enumerate(pages)]
+
+
+def classic_cycle(detections: Sequence[Detection], cycle: int, time: float, *, offset: int = 0, age_ms: float = 20.0) -> list[can.Message]:
+    """Header and detections of one cycle of the classic-CAN radar."""
+    payloads = [
+        CLASSIC.encode_message(
+            f"RadarDetection_{n:02d}",
+            {"CycleCounter": cycle % 256, "Range": r, "Azimuth": a, "RangeRate": v, "Rcs": -10.0, "Quality": 31, "Valid": 1},
+        )
+        for n, (r, a, v) in enumerate(detections, 1)
+    ]
+    header = {"CycleCounter": cycle % 256, "DetectionCount": len(detections), "MeasurementAge": age_ms}
+    header |= {"AmbiguityInterval": 0, "Blockage": 0, "Crc": 0}
+    header["Crc"] = crc16(CLASSIC.encode_message("RadarHeader", header)[:6] + b"".join(payloads))
+    messages = [frame(0x300 + offset, CLASSIC.encode_message("RadarHeader", header), time)]
+    return messages + [frame(0x301 + offset + n, payload, time + 0.0003 * (n + 1)) for n, payload in enumerate(payloads)]
+
+
+def wheel_speeds(speed: float, counter: int, time: float) -> can.Message:
+    """The rear wheels, both at `speed` (m/s, negative in reverse)."""
+    values = {"Crc": 0, "Counter": counter % 16, "DirectionOfTravel": 2 if speed < 0 else 1}
+    values |= {"WheelSpeedRL": abs(speed), "WheelSpeedRR": abs(speed), "WheelSpeedRLValid": 1, "WheelSpeedRRValid": 1}
+    return frame(0x100, _with_crc8("WheelSpeedsRear", values), time)
+
+
+def yaw_rate(rate: float, counter: int, time: float) -> can.Message:
+    values = {"Crc": 0, "Counter": counter % 16, "YawRateValid": 1, "YawRate": rate}
+    return frame(0x102, _with_crc8("YawRate", values), time)
+
+
+def _with_crc8(name: str, values: dict[str, float]) -> bytes:
+    values["Crc"] = crc8(MOTION.encode_message(name, values)[1:])
+    return bytes(MOTION.encode_message(name, values))
+
+
+CONFIG = """
+vehicle = "test"
+model = "analytic"
+
+[[bus]]
+name = "can0"
+interface = "virtual"
+channel = "can0"
+
+[motion]
+bus = "can0"
+
+[[radar]]
+name = "front_left"
+bus = "can0"
+x = 3.6
+y = 0.8
+yaw_deg = 45.0
+"""

@@ -1,0 +1,109 @@
+"""When the map is looked at, and what is said of the service itself; the grids are held against the map in test_follower.py."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.support import world
+from tests.support.status import status
+
+from echogrid.config.tables import Publish, load_config
+from echogrid.core.evidence.raster import GridSpec
+from echogrid.core.map.occupancy import OccupancyMap
+from echogrid.core.mapper import MapUpdate
+from echogrid.core.motion.odometry import EgoState
+from echogrid.core.motion.se2 import SE2
+from echogrid.errors import EchogridError
+from echogrid.live.service import Service
+from echogrid.pipeline import Pipeline
+from echogrid.topics import cdr
+from echogrid.topics.announcer import Announcer, Snapshots
+from echogrid.topics.diagnostics import diagnostics
+from echogrid.topics.topic import DETECTIONS, DIAGNOSTICS, ODOMETRY, STATUS, TOPICS, TRANSFORM, Message
+
+MS = 1_000_000
+EMPTY = SimpleNamespace(map=OccupancyMap(GridSpec(16, 0.25)), epoch=3)  # all that is asked of a Mapper
+
+
+@pytest.fixture
+def pipeline(tmp_path: Path) -> Pipeline:
+    path = world.write_drive(tmp_path, []) / "echogrid.toml"
+    return Pipeline(load_config(path), path)
+
+
+def updated(stamp_ns: int, pose: SE2, points: np.ndarray) -> MapUpdate:
+    return MapUpdate(EgoState(stamp_ns, pose, -1.5, 0.25), points)
+
+
+@given(st.lists(st.integers(-20, 20), min_size=40, max_size=40), st.sampled_from((5.0, 10.0, 20.0)))
+def test_of_updates_whose_stamps_jitter_none_of_the_rate_is_lost(jitter: list[int], rate_hz: float) -> None:
+    """A map update every 50 ms, give or take 20: one look in every period that has one."""
+    snapshots, settings = Snapshots(), Publish(rate_hz=rate_hz)
+    stamps = [(50 * n + 25 + late) * MS for n, late in enumerate(jitter)]
+    taken = [snapshots.take(EMPTY, updated(stamp_ns, SE2(0, 0, 0), np.zeros((0, 2))), settings) is not None for stamp_ns in stamps]
+    assert sum(taken) == len({math.floor(stamp_ns * 1e-9 * rate_hz) for stamp_ns in stamps}) == 2 * rate_hz
+
+
+def test_what_is_said_of_the_car_is_the_updates(pipeline: Pipeline) -> None:
+    points = np.array([[1.5, -2.0], [30.0, 0.25]])
+    snapshot = Snapshots().take(EMPTY, updated(77, SE2(1.0, 2.0, 0.5), points), Publish())
+    assert snapshot is not None
+    told = {message.topic: message for message in Announcer(pipeline.config, "").map(snapshot)}
+    assert {(message.stamp_ns, message.epoch) for message in told.values()} == {(77, 3)}
+    odometry = cdr.decode_odometry(told[ODOMETRY].payload)
+    (transform,) = cdr.decode_transforms(told[TRANSFORM].payload)
+    assert (odometry.frame, odometry.child_frame, odometry.speed, odometry.yaw_rate) == ("odom", "base", -1.5, 0.25)
+    assert (transform.frame, transform.child_frame, transform.pose) == ("odom", "base", odometry.pose)
+    assert (odometry.pose.x, odometry.pose.y, odometry.pose.yaw) == pytest.approx((1.0, 2.0, 0.5))
+    detections = cdr.decode_points(told[DETECTIONS].payload)
+    assert detections.frame == "base"
+    np.testing.assert_allclose(detections.points, [[1.5, -2.0, 0], [30.0, 0.25, 0]])
+
+
+def test_status_goes_to_programs_and_to_ros(pipeline: Pipeline) -> None:
+    sent = status("degraded", "radar rear_right: late")
+    told = {message.topic: message for message in Announcer(pipeline.config, "").status(sent, 78)}
+    assert json.loads(told[STATUS].payload) == json.loads(json.dumps(sent))
+    assert cdr.decode_diagnostics(told[DIAGNOSTICS].payload) == diagnostics(sent, pipeline.config.vehicle, 78)
+    assert {message.epoch for message in told.values()} == {sent["epoch"]}
+
+
+def test_meta_says_where_each_radar_is_and_all_topics(pipeline: Pipeline) -> None:
+    meta = json.loads(Announcer(pipeline.config, "the analytic model").meta(5).payload)
+    assert (meta["vehicle"], meta["model"], meta["frames"]) == ("test", "the analytic model", {"map": "odom", "car": "base"})
+    assert {radar["name"]: (radar["x"], radar["y"], radar["yaw_deg"]) for radar in meta["radars"]} == world.RADARS
+    assert meta["grid"]["cell"] == pytest.approx(30 / 128)
+    assert meta["keys"] == {topic.name: topic.type or "JSON" for topic in TOPICS}
+
+
+class Full:
+    """A sink that takes two messages and then has no room."""
+
+    def __init__(self) -> None:
+        self.taken: list[Message] = []
+
+    def put(self, message: Message) -> None:
+        if len(self.taken) == 2:
+            raise EchogridError("out.mcap: No space left on device")
+        self.taken.append(message)
+
+
+class Endless(list[Message]):
+    put = list.append
+
+
+def test_a_sink_that_is_full_is_told_of_once_and_the_others_go_on(pipeline: Pipeline, caplog: pytest.LogCaptureFixture) -> None:
+    service, full, endless = Service(pipeline), Full(), Endless()
+    service.sinks.extend((full, endless))
+    messages = [Message(STATUS, b"{}", number, 0, 0) for number in range(5)]
+    service._send(messages)
+    assert endless == messages
+    assert full.taken == messages[:2]
+    assert [record.getMessage() for record in caplog.records] == ["out.mcap: No space left on device; going on without it"]

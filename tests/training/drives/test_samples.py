@@ -1,0 +1,111 @@
+"""Samples: the service's own images beside the truth at the same place."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.support import networks
+from tests.support.tiny_towns import room, town, track
+
+from echogrid.can.signals import bus_of
+from echogrid.config.tables import load_config
+from echogrid.core.evidence.history_raster import CHANNELS
+from echogrid.core.evidence.raster import GridSpec
+from echogrid.logs.drive import find_drive
+from echogrid.logs.log import Log
+from echogrid.model.network import OnnxSensorModel
+from echogrid.pipeline import Pipeline
+from echogrid_training.drives.drive import write_drive
+from echogrid_training.drives.samples import SPACING, Sample, samples
+from echogrid_training.drives.simulate import simulate
+from echogrid_training.sensors.disturbance import Disturbance
+from echogrid_training.sensors.episode import paper_like
+from echogrid_training.truth.ground_truth import ternary
+
+SPEC = GridSpec()
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("samples") / "drive"
+    recording, truth = simulate(town(*room(28.0, 14.0), ego=track(3.0, speed=3.0)), paper_like(2))
+    write_drive(recording, folder, truth_map=truth)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def found(drive: Path) -> list[Sample]:
+    return list(samples(drive))
+
+
+def near_walls(sample: Sample, drawn: np.ndarray, cells: int) -> list[bool]:
+    walls = np.argwhere(ternary(sample.truth) == 1)
+    return [bool(np.abs(walls - cell).max(axis=1).min() <= cells) for cell in np.argwhere(drawn)]
+
+
+def test_detections_lidar_and_truth_show_the_same_walls(found: list[Sample]) -> None:
+    """Most of what is drawn lies within a cell or two of a true wall: same frame, same rows and columns, same signs."""
+    now, past, lidar = [], [], []
+    for sample in found:
+        assert sample.image.shape == (12, SPEC.cells, SPEC.cells)
+        assert sample.image.dtype == np.uint8
+        assert set(np.unique(sample.lidar)) == {0, 1}
+        now += near_walls(sample, sample.image[0], 2)
+        past += near_walls(sample, sample.image[CHANNELS.index("count_15m")], 2)
+        lidar += near_walls(sample, sample.lidar, 1)
+    assert len(now) > 100
+    assert len(past) > 5 * len(now)
+    assert np.mean(now) > 0.8
+    assert np.mean(past) > 0.8
+    assert len(lidar) > 1000
+    assert np.mean(lidar) > 0.95
+
+
+def test_samples_keep_their_distance(drive: Path, found: list[Sample]) -> None:
+    """Nine metres are driven; the first update has a pose only a little after the start."""
+    for one, other in pairwise(found):
+        there, here = other.truth_from_base, one.truth_from_base
+        assert SPACING <= math.hypot(there.x - here.x, there.y - here.y) < SPACING + 0.5
+        assert other.stamp_ns > one.stamp_ns
+    assert len(found) in (8, 9)
+    assert len(list(samples(drive, spacing=3.0))) == 3
+
+
+def test_images_are_those_that_the_service_shows_its_network(drive: Path, found: list[Sample], tmp_path: Path) -> None:
+    """The drive again, by a service that runs a network: byte for byte what it is asked about at the same time."""
+    net = networks.write(tmp_path / "net.onnx", *networks.default(SPEC.cells, SPEC.cell))
+    config = load_config(drive / "echogrid.toml", str(net))
+    pipeline = Pipeline(config, drive / "echogrid.toml")
+    model = OnnxSensorModel(net, SPEC, pipeline.mapper.mounts)
+    shown: list[np.ndarray] = []
+    infer = pipeline.mapper.infer
+    pipeline.mapper.infer = lambda around: (shown.append(model.draw(around)), infer(around))[1]
+    by_stamp = {}
+    for message in Log(find_drive(drive, None).log):
+        update = pipeline.add(bus_of(message, config.bus) or "", message)
+        if update is not None:
+            by_stamp[update.ego.stamp_ns] = shown[-1]
+    for sample in found:
+        np.testing.assert_array_equal(sample.image, by_stamp[sample.stamp_ns])
+
+
+def test_a_disturbed_drive_shows_less_of_the_same_truth(drive: Path, found: list[Sample]) -> None:
+    """Five seeds: none shows more, some show much less; each does the same twice, and truth and lidar stay."""
+    plane = CHANNELS.index("count_15m")
+    shares = []
+    for seed in range(5):
+        cut = list(samples(drive, Disturbance(seed)))
+        stays = [(one, other) for one in cut for other in found if one.stamp_ns == other.stamp_ns]
+        assert stays
+        for one, other in stays:
+            np.testing.assert_array_equal(one.truth, other.truth)
+            np.testing.assert_array_equal(one.lidar, other.lidar)
+        shares.append(np.count_nonzero(cut[-1].image[plane]) / np.count_nonzero(found[-1].image[plane]))
+    assert max(shares) <= 1.0
+    assert min(shares) < 0.8
+    one, other = (list(samples(drive, Disturbance(1))) for _ in range(2))
+    assert [sample.image.tobytes() for sample in one] == [sample.image.tobytes() for sample in other]

@@ -1,0 +1,63 @@
+"""The read-out of the default map against scipy's optimum of the same likelihood, on cells gathered one map at a time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from tests.support import networks
+from tests.support.tiny_towns import room, town, track
+
+from echogrid.core.evidence.raster import GridSpec
+from echogrid.core.map.look_map import Calibration
+from echogrid_training.drives.drive import write_drive
+from echogrid_training.drives.simulate import simulate
+from echogrid_training.learning.map_calibration import calibrate_map
+from echogrid_training.sensors.episode import paper_like
+from echogrid_training.truth.local_map import local_maps
+
+
+@pytest.fixture(scope="module")
+def drives(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Two rooms, eleven metres through each."""
+    out = tmp_path_factory.mktemp("calibration")
+    for seed, width in ((3, 14.0), (4, 24.0)):
+        recording, truth = simulate(town(*room(30.0, width), ego=track(1.8, speed=6.0, x=-5.0)), paper_like(seed))
+        write_drive(recording, out / f"room-{seed}", truth_map=truth)
+    return sorted(out.iterdir())
+
+
+@pytest.fixture(scope="module")
+def net(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    spec = GridSpec()
+    return networks.write(tmp_path_factory.mktemp("net") / "net.onnx", *networks.default(spec.cells, spec.cell))
+
+
+def test_the_read_out_has_the_greatest_likelihood(drives: list[Path], net: Path) -> None:
+    rows: list[tuple[float, bool]] = []
+    for drive in drives:
+        for local in local_maps(drive, str(net)):
+            for i, j in np.argwhere(local.truth != 0):
+                total, weight = (float(value) for value in local.layers[:2, i, j])
+                if weight > 0.05:
+                    rows.append((total / weight, bool(local.truth[i, j] > 0)))
+    mean, occupied = (np.array(column) for column in zip(*rows, strict=True))
+    assert len(rows) > 10_000
+    assert 0.01 < occupied.mean() < 0.5
+
+    def unlikely(of: np.ndarray) -> float:
+        z = of[0] * mean + of[1]
+        return float(np.logaddexp(0, np.where(occupied, -z, z)).mean())
+
+    best = minimize(unlikely, (1.0, 0.0), method="Powell", options={"xtol": 1e-8, "ftol": 1e-14})
+    found = calibrate_map(drives, net)
+    np.testing.assert_allclose((found.learned, found.offset), best.x, atol=2e-3)
+    assert unlikely(np.array((found.learned, found.offset))) < 0.98 * unlikely(np.array((1.0, 0.0)))
+
+
+def test_without_way_or_drives_the_networks_word_stands(net: Path, tmp_path: Path) -> None:
+    recording, truth = simulate(town(ego=track(1.0)), paper_like(1))
+    write_drive(recording, tmp_path / "standing", truth_map=truth)
+    assert calibrate_map([tmp_path / "standing"], net) == calibrate_map([], net) == Calibration(1.0, 0.0)

@@ -1,0 +1,158 @@
+"""The command, on copies of one tiny drive: it trains the four, and writes a page that needs nothing beside it."""
+
+from __future__ import annotations
+
+import argparse
+import base64
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from tests.support.tiny_towns import room, town, track
+
+from echogrid.errors import EchogridError
+from echogrid_training.drives.drive import write_drive
+from echogrid_training.drives.simulate import simulate
+from echogrid_training.learning import train
+from echogrid_training.learning.dataset import load_drive, ternary
+from echogrid_training.learning.train import Settings, load_trained
+from echogrid_training.paper import reproduce
+from echogrid_training.sensors.episode import paper_like
+from echogrid_training.truth import ground_truth
+
+NAMES = ("lidar-inverse", "lidar-independent", "radar-inverse", "radar-independent")
+
+
+@pytest.fixture(scope="module")
+def drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """learn/a, learn/b and test/c, with samples cut already."""
+    folder = tmp_path_factory.mktemp("reproduce")
+    recording, truth = simulate(town(*room(28.0, 14.0), ego=track(1.5, speed=4.0)), paper_like(2))
+    write_drive(recording, folder / "learn" / "a", truth_map=truth)
+    for name in ("learn/b", "test/c"):
+        shutil.copytree(folder / "learn" / "a", folder / name)
+    return folder
+
+
+@pytest.fixture(scope="module", autouse=True)
+def tiny() -> Iterator[None]:
+    """--small is tiny here."""
+
+    def small(network: Any, weighting: Any, seed: int, epochs: int = 1) -> Settings:
+        return Settings(network, weighting, epochs, seed, width=4, batch=2)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(train, "small", small)
+        yield
+
+
+def run(drives: Path, out: Path, *more: str, test: str = "test") -> str:
+    parser = argparse.ArgumentParser()
+    reproduce.add_arguments(parser)
+    given = ["--drives", drives / "learn", "--test", drives / test, "--out", out, "--small", "--seed", "3", "--workers", "1", *more]
+    return reproduce.run(parser.parse_args(list(map(str, given))))
+
+
+@pytest.fixture(scope="module")
+def made(drives: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The folder, and what the command says."""
+    out = tmp_path_factory.mktemp("out")
+    return out, run(drives, out)
+
+
+class Seen(HTMLParser):
+    """Tags, and the pictures' sources by name."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tags: set[str] = set()
+        self.pictures: dict[str, str] = {}
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.add(tag)
+        if tag == "img":
+            self.pictures[str(dict(attrs)["alt"])] = str(dict(attrs)["src"])
+
+
+def test_the_page_holds_the_pictures_that_stand_beside_it(made: tuple[Path, str]) -> None:
+    out, _ = made
+    page = (out / "reproduction.html").read_text("utf-8")
+    seen = Seen()
+    seen.feed(page)
+    assert not seen.tags & {"script", "link", "iframe"}
+    assert page.count("<style>") == 1
+    assert "://" not in page
+    maps = {f"map-{rule}-{name}" for rule in ("sum", "looks") for name in NAMES}
+    curves = {f"curves-{name}" for name in ("loss", "free", "unknown", "occupied")}
+    assert seen.pictures.keys() == maps | curves | {"scene-1", "prior", "map-truth"}
+    assert {path.stem for path in out.glob("*.png")} == seen.pictures.keys()
+    for name, source in seen.pictures.items():
+        assert base64.b64decode(source.removeprefix("data:image/png;base64,")) == (out / f"{name}.png").read_bytes()
+
+
+def test_four_networks_learn_from_their_sensor_by_their_weights(made: tuple[Path, str]) -> None:
+    out, _ = made
+    assert {path.name for path in out.iterdir() if path.is_dir()} == set(NAMES)
+    for name in NAMES:
+        trained = load_trained(out / name / "model.pt")
+        assert (trained.settings.sensor, trained.settings.weighting) == tuple(name.split("-"))
+        assert (trained.settings.network, trained.settings.seed, trained.settings.epochs) == ("paper", 3, 1)
+    heads = [load_trained(out / name / "model.pt").weights["head.weight"] for name in NAMES]
+    assert not any(torch.equal(one, other) for index, one in enumerate(heads) for other in heads[:index])
+
+
+def test_the_table_judges_the_test_drive(made: tuple[Path, str], drives: Path) -> None:
+    """The same errors from the drive's labels and the network's answers, pixel by pixel in numpy."""
+    out, said = made
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in said.splitlines() if line.startswith("|")]
+    assert [row[:4] for row in rows[2:]] == [
+        ["lidar", "inverse class ratio", "0.14", "1.46"],
+        ["lidar", "independent class MSE", "0.49", "0.55"],
+        ["radar", "inverse class ratio", "0.19", "1.82"],
+        ["radar", "independent class MSE", "0.70", "0.69"],
+    ]
+    test = load_drive(drives / "test" / "c")
+    label = ternary(test.labels)
+    for name, row in zip(NAMES, rows[2:], strict=True):
+        trained = load_trained(out / name / "model.pt")
+        image, _ = trained.recipe().shown(test)
+        answer = ground_truth.soft(trained.model()(image).numpy())
+        for sign, cell in zip((-1, 0, 1), row[4:7], strict=True):
+            assert float(cell) == pytest.approx(((answer - label)[label == sign] ** 2).mean(), abs=1e-3)
+    page = (out / "reproduction.html").read_text("utf-8")
+    assert all(cell in page for row in rows[2:] for cell in row)
+
+
+def test_what_is_done_is_not_done_again(made: tuple[Path, str], drives: Path) -> None:
+    out, said = made
+    page = (out / "reproduction.html").read_text("utf-8")
+    with pytest.raises(EchogridError, match="lidar-inverse: holds a run; go on with it with --resume"):
+        run(drives, out)
+    assert run(drives, out, "--resume") == said
+    assert (out / "reproduction.html").read_text("utf-8") == page
+
+
+def test_the_page_says_what_it_was_made_of(made: tuple[Path, str], drives: Path) -> None:
+    page = (made[0] / "reproduction.html").read_text("utf-8")
+    samples = len(load_drive(drives / "test" / "c"))
+    assert re.search(rf"<td>test</td><td class=number>1</td><td class=number>{samples}</td><td>not noted</td>", page)
+    assert load_trained(made[0] / "radar-inverse" / "model.pt").data_sha256 in page
+    assert "<td>seed</td><td>3</td>" in page
+
+
+def test_a_town_cannot_be_learned_from_and_tested_on(drives: Path, tmp_path: Path) -> None:
+    with pytest.raises(EchogridError, match="--test holds a, which is among --drives as well, expected towns of its own"):
+        run(drives, tmp_path, test="learn")
+
+
+def test_the_arguments_need_no_torch() -> None:
+    code = "import sys, echogrid_training.paper.reproduce; print('torch' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.strip() == "False"

@@ -1,0 +1,141 @@
+"""Vehicles and clients that meet at a Zenoh router, which may go away and come back."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import zenoh
+from tests.support import messages
+from tests.support.messages import update
+
+from echogrid.client import Client
+from echogrid.config.tables import Publish, Ros
+from echogrid.topics.topic import KEY, Message
+from echogrid.zenoh.publisher import Publisher, session_config
+
+PATIENCE = 40.0  # s: far beyond what anything here takes
+ROUTER = """
+import json, sys, zenoh
+config = zenoh.Config()
+settings = {
+    "mode": "router",
+    "listen/endpoints": [sys.argv[1]],
+    "scouting/multicast/enabled": False,
+    "adminspace/enabled": False,
+}
+for key, value in settings.items():
+    config.insert_json5(key, json.dumps(value))
+with zenoh.open(config):
+    print("up", flush=True)
+    sys.stdin.read()
+"""
+
+
+@contextmanager
+def router(endpoint: str) -> Iterator[subprocess.Popen[str]]:
+    command = [sys.executable, "-c", ROUTER, endpoint]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "up\n"
+            yield process
+        finally:
+            process.kill()
+
+
+def connected(endpoint: str, vehicle: str, namespace: str = "/echogrid") -> Publisher:
+    return Publisher(Publish(listen=(), connect=(endpoint,)), vehicle, Ros(namespace=namespace))
+
+
+def key_frame(number: int, value: float, epoch: int = 0) -> Message:
+    return messages.grid(100 * number, 0, 0, 0.5, np.full((4, 6), value, np.float32), topic=KEY, epoch=epoch, keyframe=number)
+
+
+def until(good: Callable[[], bool], send: Callable[[], None] = lambda: None) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not good():
+        assert time.monotonic() < deadline
+        send()
+        time.sleep(0.02)
+
+
+def test_after_the_router_comes_back_all_goes_on(endpoint: str) -> None:
+    """What was sent meanwhile is lost; the key frame of then comes, and updates for it."""
+    with connected(endpoint, "car") as publisher, Client(endpoint) as client:
+        latest: list[tuple[int, int]] = []  # stamps, and what the first cell holds
+
+        def seen(stamp_ns: int, percent: int) -> Callable[[], bool]:
+            def looked() -> bool:
+                window = client.follow(0.05)
+                latest.extend([] if window is None else [(window.stamp_ns, int(window.occupancy[0, 0]))])
+                return (stamp_ns, percent) in latest
+
+            return looked
+
+        # Again and again, as a service does: where both connect at the same time, Zenoh may ask for the last one before it can be had.
+        with router(endpoint):
+            until(seen(100, 73), lambda: publisher.put(key_frame(1, 1.0)))
+            until(client.alive)
+        until(lambda: not client.alive())
+        publisher.put(update(1, 150, np.full((1, 1), 50, np.int8)))
+        with router(endpoint):
+            until(seen(200, 27), lambda: publisher.put(key_frame(2, -1.0)))
+            until(client.alive)
+            until(seen(275, 60), lambda: publisher.put(update(2, 275, np.full((1, 1), 60, np.int8))))
+        assert 150 not in dict(latest)
+
+
+def test_a_service_that_comes_back_brings_another_map(endpoint: str) -> None:
+    with router(endpoint), Client(endpoint) as client:
+        with connected(endpoint, "car") as publisher:
+            publisher.put(key_frame(7, 1.0))
+            first = client.follow(PATIENCE)
+        with connected(endpoint, "car") as publisher:
+            publisher.put(key_frame(1, -1.0))
+            second = client.follow(PATIENCE)
+            assert first is not None
+            assert second is not None
+            assert first.map.epoch == second.map.epoch == 0
+            assert first.map != second.map
+            assert (second.occupancy == 27).all()
+            publisher.put(key_frame(2, 1.0, epoch=1))
+            third = client.follow(PATIENCE)
+            assert third is not None
+            assert (third.map.source, third.map.epoch) == (second.map.source, 1)
+
+
+def test_two_vehicles_are_kept_apart_and_one_subscriber_sees_both(endpoint: str) -> None:
+    with (
+        router(endpoint),
+        connected(endpoint, "red", "/red") as red,
+        connected(endpoint, "blue", "/blue") as blue,
+        Client(endpoint, "red") as red_client,
+        Client(endpoint, "blue") as blue_client,
+        zenoh.open(session_config((), (endpoint,), sends=False)) as session,
+    ):
+        everything = session.declare_subscriber("echogrid/v1/*/grid/fused/key")
+        to_ros = session.declare_subscriber("0/*/map/**")
+        red.put(key_frame(1, 1.0))
+        blue.put(key_frame(1, -1.0))
+        for client, value in ((red_client, 73), (blue_client, 27)):
+            window = client.follow(PATIENCE)
+            assert window is not None
+            assert (window.occupancy == value).all()
+            assert client.follow(0.05) is None
+        seen: dict[str, set[bytes]] = {}
+
+        def collect() -> bool:
+            for subscriber in (everything, to_ros):
+                while (sample := subscriber.try_recv()) is not None:
+                    seen.setdefault(str(sample.key_expr).split("/OccupancyGrid")[0], set()).add(bytes(sample.payload)[-24:])
+            return len(seen) == 4
+
+        until(collect, lambda: (red.put(key_frame(2, 1.0)), blue.put(key_frame(2, -1.0)), None)[2])
+    values = {key.split("/nav_msgs")[0]: {payload[0] for payload in payloads} for key, payloads in seen.items()}
+    ours = {f"echogrid/v1/{vehicle}/grid/fused/key": {value} for vehicle, value in (("red", 73), ("blue", 27))}
+    assert values == ours | {"0/red/map": {73}, "0/blue/map": {27}}

@@ -1,0 +1,402 @@
+"""Who gets at what over Zenoh: nobody from outside by default; with TLS the listed viewers, who may look and not touch."""
+
+from __future__ import annotations
+
+import json
+import re
+import socket
+import subprocess
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trustme
+import zenoh
+import zenoh.ext
+from tests.support import messages
+from tests.support.frames import CONFIG
+from tests.support.places import ROOT
+
+from echogrid.client import Client
+from echogrid.config.tables import Publish, Ros, Tls, load_config
+from echogrid.errors import EchogridError
+from echogrid.topics import cdr
+from echogrid.topics.topic import ALIVE, FULL, KEY, REGION, STATUS, TILE
+from echogrid.zenoh.credentials import Credentials
+from echogrid.zenoh.publisher import Publisher, key, session_config
+from echogrid.zenoh.ros import topic_keys
+
+PATIENCE = 40.0  # s: far beyond what anything here takes
+LOG_ODDS = np.zeros((4, 4), dtype=np.float32)
+FAKE_NS = 666  # stamp of maps that nobody may ever see
+MAP = key("car", FULL.name)
+ROS_MAP = dict(topic_keys(Ros()))[KEY]
+GRIDS = (MAP, key("car", KEY.name), ROS_MAP)
+TOKEN = key("car", ALIVE)
+FAKE_TOKENS = (key("car", "alive/fake"), "@ros2_lv/0/fake/0/0/NN/%/%/fake")
+Look = Callable[[], set[tuple[str, int]]]  # keys and stamps of what has come
+
+
+@dataclass(frozen=True)
+class Files:
+    """What an authority issued, by name of the file."""
+
+    folder: Path
+
+    def of(self, name: str, ca: str = "ca") -> Credentials:
+        return Credentials(self.folder / f"{ca}.pem", self.folder / f"{name}.pem", self.folder / f"{name}.key")
+
+    def tls(self, *viewers: str) -> Tls:
+        ours = self.of("service")
+        return Tls(ca=str(ours.ca), certificate=str(ours.certificate), key=str(ours.key), viewers=viewers)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
+    folder = tmp_path_factory.mktemp("tls")
+    ca, other = trustme.CA(), trustme.CA()
+    for name, authority in (("ca", ca), ("other", other)):
+        authority.cert_pem.write_to_path(folder / f"{name}.pem")
+    issued = {
+        "service": ca.issue_cert("127.0.0.1", common_name="service"),
+        "viewer": ca.issue_cert("viewer.test", common_name="viewer"),
+        "stranger": ca.issue_cert("stranger.test", common_name="stranger"),
+        "expired": ca.issue_cert("viewer.test", common_name="viewer", not_after=datetime.now(UTC) - timedelta(days=1)),
+        "foreign": other.issue_cert("viewer.test", common_name="viewer"),
+        "elsewhere": ca.issue_cert("elsewhere.test", common_name="service"),
+    }
+    for name, certificate in issued.items():
+        certificate.private_key_pem.write_to_path(folder / f"{name}.key")
+        certificate.cert_chain_pems[0].write_to_path(folder / f"{name}.pem")
+    return Files(folder)
+
+
+def opened(endpoint: str, mode: str, credentials: Credentials | None) -> zenoh.Session:
+    config = session_config((), (endpoint,), sends=False, credentials=credentials)
+    config.insert_json5("mode", json.dumps(mode))
+    return zenoh.open(config)
+
+
+class Intruder:
+    """Asks for everything in every way, and sends what is not true."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self.session = session
+        self.stolen: set[str] = set()  # keys of what came that it had not sent itself
+        everything = ("**", key("car", "**"), key("*", "**"), "0/**", "@ros2_lv/0/**")
+        history = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1)
+        self.subscribers = [session.declare_subscriber(name) for name in everything]
+        self.subscribers += [session.liveliness().declare_subscriber(name, history=True) for name in everything]
+        self.subscribers += [
+            zenoh.ext.declare_advanced_subscriber(session, name, zenoh.handlers.DefaultHandler(), history=history) for name in GRIDS
+        ]
+        fake = cdr.encode_grid(cdr.Grid(FAKE_NS, "odom", 0.5, (0.0, 0.0), np.zeros((2, 2), np.int8)))
+        self.lies = {**dict.fromkeys(GRIDS, fake), key("car", STATUS.name): b'{"state": "fake"}'}
+        asked = (*GRIDS, key("car", REGION), key("car", f"{TILE}/*/*"))
+        self.queryables = [session.declare_queryable(name, zenoh.handlers.RingChannel(1)) for name in asked]
+        self.tokens = [session.liveliness().declare_token(name) for name in FAKE_TOKENS]
+
+    def act(self) -> None:
+        for name, payload in self.lies.items():
+            self.session.put(name, payload)
+        for subscriber in self.subscribers:
+            while (sample := subscriber.try_recv()) is not None:
+                self._note(sample)
+
+    def ask(self) -> None:
+        """For the map, its cache and who is alive."""
+        for name in (MAP, f"{MAP}/@adv/**", key("car", "**/@adv/**"), f"{ROS_MAP}/@adv/**"):
+            self._note_all(self.session.get(name, timeout=0.5, accept_replies=zenoh.ReplyKeyExpr.ANY))
+        for name in ("**", key("car", "**"), "@ros2_lv/0/**"):
+            self._note_all(self.session.liveliness().get(name, timeout=0.5))
+
+    def _note_all(self, replies: Iterable[zenoh.Reply]) -> None:
+        for reply in replies:
+            if reply.ok is not None:
+                self._note(reply.ok)
+
+    def _note(self, sample: zenoh.Sample) -> None:
+        name = str(sample.key_expr)
+        if bytes(sample.payload) != self.lies.get(name) and name not in FAKE_TOKENS:
+            self.stolen.add(name)
+
+
+@contextmanager
+def watched(publisher: Publisher, endpoint: str, mode: str, credentials: Credentials | None) -> Iterator[Look]:
+    """A plain viewer that shall see the publisher's maps; gives the stamps of those that came, each with its key."""
+    with opened(endpoint, mode, credentials) as session:
+        subscribers, stamps = [session.declare_subscriber(name) for name in GRIDS], set()
+
+        def look() -> set[tuple[str, int]]:
+            for subscriber in subscribers:
+                while (sample := subscriber.try_recv()) is not None:
+                    stamps.add((str(sample.key_expr), stamp_of(sample)))
+            return stamps
+
+        deadline = time.monotonic() + PATIENCE
+        while not look() >= {(name, 1) for name in GRIDS} and time.monotonic() < deadline:
+            send(publisher, 1)
+            time.sleep(0.02)
+        assert stamps >= {(name, 1) for name in GRIDS}
+        yield look
+
+
+def send(publisher: Publisher, stamp_ns: int) -> None:
+    """A map under each of its keys."""
+    for number, topic in enumerate((FULL, KEY)):
+        publisher.put(messages.grid(stamp_ns, 0, 0, 0.5, LOG_ODDS, topic=topic, keyframe=number))
+
+
+def exchange(publisher: Publisher, endpoint: str, intruder: Intruder, modes: tuple[str, ...], viewer: Credentials | None) -> set[int]:
+    """Thirty maps published while an intruder does what it can; the stamps that viewers of each mode saw."""
+    with ExitStack() as stack:
+        looks = [stack.enter_context(watched(publisher, endpoint, mode, viewer)) for mode in modes]
+        for stamp_ns in range(1000, 1030):
+            send(publisher, stamp_ns)
+            intruder.act()
+            time.sleep(0.01)
+        deadline = time.monotonic() + PATIENCE
+        last = {(name, 1029) for name in GRIDS}
+        while not all(look() >= last for look in looks) and time.monotonic() < deadline:
+            send(publisher, 1029)
+            time.sleep(0.01)
+        assert all(look() >= last for look in looks)
+        intruder.act()
+        return {stamp_ns for look in looks for _, stamp_ns in look()}
+
+
+def test_by_default_nothing_can_be_found_from_outside(port: int) -> None:
+    """A program with Zenoh's own defaults, which search by multicast: it finds its like, and not the service."""
+    control = key("car", "control")
+    with (
+        Publisher(Publish(listen=(f"tcp/127.0.0.1:{port}",)), "car", Ros()) as publisher,
+        zenoh.open(zenoh.Config()) as session,
+        zenoh.open(zenoh.Config()) as careless,
+    ):
+        intruder = Intruder(session)
+        deadline = time.monotonic() + PATIENCE
+        for stamp_ns in range(10**6):
+            publisher.put(messages.grid(stamp_ns, 0, 0, 0.5, LOG_ODDS))
+            careless.put(control, b"here")
+            intruder.act()
+            if stamp_ns > 100 and control in intruder.stolen:
+                break
+            if time.monotonic() > deadline:
+                pytest.skip("multicast does not work here")
+            time.sleep(0.01)
+        intruder.ask()
+        assert intruder.stolen == {control}
+
+
+def stamp_of(sample: zenoh.Sample) -> int:
+    return cdr.decode_grid(bytes(sample.payload)).stamp_ns
+
+
+def test_a_program_on_this_machine_may_look_and_not_touch(port: int) -> None:
+    """Clients are sent what other clients put, if whoever is between them lets it pass."""
+    endpoint = f"tcp/127.0.0.1:{port}"
+    with Publisher(Publish(listen=(endpoint,)), "car", Ros()) as publisher, opened(endpoint, "client", None) as session:
+        intruder = Intruder(session)
+        assert FAKE_NS not in exchange(publisher, endpoint, intruder, ("peer", "client"), None)
+        intruder.ask()
+        assert intruder.stolen >= {*GRIDS, TOKEN}
+        with Client(endpoint) as client:
+            assert client.alive()
+
+
+def test_the_lies_would_arrive_if_nobody_forbade_them(port: int) -> None:
+    """What the test above is worth: the same intruder at a session without access control."""
+    endpoint = f"tcp/127.0.0.1:{port}"
+    with (
+        zenoh.open(session_config((endpoint,), (), sends=False)),
+        opened(endpoint, "client", None) as session,
+        opened(endpoint, "client", None) as viewer,
+    ):
+        intruder, subscriber = Intruder(session), viewer.declare_subscriber(MAP)
+        deadline = time.monotonic() + PATIENCE
+        while (sample := subscriber.try_recv()) is None:
+            assert time.monotonic() < deadline
+            intruder.act()
+            time.sleep(0.01)
+        assert stamp_of(sample) == FAKE_NS
+
+
+def test_the_listed_viewer_sees_the_last_map_and_the_next(port: int, files: Files) -> None:
+    endpoint = f"tls/127.0.0.1:{port}"
+    with Publisher(Publish(listen=(endpoint,), tls=files.tls("viewer")), "car", Ros()) as publisher:
+        publisher.put(messages.grid(7, 0, 0, 0.5, LOG_ODDS))
+        with Client(endpoint, credentials=files.of("viewer")) as client:
+            grid = client.grid(PATIENCE)
+            assert grid is not None
+            assert grid.stamp_ns == 7
+            assert client.alive()
+            publisher.put(messages.grid(8, 0, 0, 0.5, LOG_ODDS))
+            grid = client.grid(PATIENCE)
+            assert grid is not None
+            assert grid.stamp_ns == 8
+
+
+@pytest.mark.parametrize("who", ["stranger", "expired", "foreign", "nobody", "plain"])
+def test_whoever_is_not_listed_sees_nothing_and_changes_nothing(port: int, files: Files, who: str) -> None:
+    """A certificate of the same authority, one of the right name but out of date or from another authority, none, and no TLS at all."""
+    endpoint = f"tls/127.0.0.1:{port}"
+    with Publisher(Publish(listen=(endpoint,), tls=files.tls("viewer")), "car", Ros()) as publisher:
+        config = session_config((), (endpoint if who != "plain" else f"tcp/127.0.0.1:{port}",), sends=False)
+        if who == "nobody":
+            config.insert_json5("transport/link/tls", json.dumps({"root_ca_certificate": str(files.of("viewer").ca)}))
+        elif who != "plain":
+            config.insert_json5("transport/link/tls", json.dumps(files.of(who).zenoh()))
+        with zenoh.open(config) as session:
+            intruder = Intruder(session)
+            assert FAKE_NS not in exchange(publisher, endpoint, intruder, ("peer", "client"), files.of("viewer"))
+            intruder.ask()
+            assert intruder.stolen == set()
+
+
+def test_the_listed_viewer_may_not_touch_either(port: int, files: Files) -> None:
+    """The same intruder, let in: it hears, and what it says still reaches nobody."""
+    endpoint = f"tls/127.0.0.1:{port}"
+    with (
+        Publisher(Publish(listen=(endpoint,), tls=files.tls("viewer", "stranger")), "car", Ros()) as publisher,
+        opened(endpoint, "client", files.of("stranger")) as session,
+    ):
+        intruder = Intruder(session)
+        assert FAKE_NS not in exchange(publisher, endpoint, intruder, ("peer", "client"), files.of("viewer"))
+        intruder.ask()
+        assert intruder.stolen >= {*GRIDS, TOKEN}
+
+
+def test_a_viewer_does_not_fall_for_another_host(port: int, files: Files) -> None:
+    """The service's certificate is of the right authority, but for another name."""
+    endpoint = f"tls/127.0.0.1:{port}"
+    elsewhere = files.of("elsewhere")
+    tls = Tls(ca=str(elsewhere.ca), certificate=str(elsewhere.certificate), key=str(elsewhere.key), viewers=("viewer",))
+    with (
+        Publisher(Publish(listen=(endpoint,), tls=tls), "car", Ros()) as publisher,
+        Client(endpoint, credentials=files.of("viewer")) as client,
+    ):
+        publisher.put(messages.grid(7, 0, 0, 0.5, LOG_ODDS))
+        assert client.grid(1.0) is None
+
+
+def test_files_that_do_not_fit_are_one_sentence(tmp_path: Path, files: Files) -> None:
+    garbage, none = tmp_path / "garbage.pem", tmp_path / "none.pem"
+    garbage.write_text("-----BEGIN CERTIFICATE-----\nnothing\n-----END CERTIFICATE-----\n")
+    ours = files.of("viewer")
+    locked = tmp_path / "locked.key"
+    locked.write_text("-----BEGIN ENCRYPTED PRIVATE KEY-----\nMIIB\n-----END ENCRYPTED PRIVATE KEY-----\n")
+    for wrong, sentence in (
+        (replace(ours, ca=none), f"{none}: cannot be read: No such file or directory"),
+        (replace(ours, certificate=none), f"{none}: cannot be read: No such file or directory"),
+        (replace(ours, key=tmp_path), f"{tmp_path}: cannot be read: Is a directory"),
+        (replace(ours, ca=garbage), f"{garbage}: holds no certificate in PEM form"),
+        (replace(ours, certificate=garbage), f"{ours.key}: is no unencrypted PEM key of the certificate {garbage}"),
+        (replace(ours, key=locked), f"{locked}: is no unencrypted PEM key of the certificate {ours.certificate}"),
+        (
+            replace(ours, key=files.of("stranger").key),
+            f"{files.of('stranger').key}: is no unencrypted PEM key of the certificate {ours.certificate}",
+        ),
+        (files.of("expired"), f"{files.of('expired').certificate}: is not accepted by {ours.ca}: certificate has expired"),
+        (
+            files.of("foreign"),
+            f"{files.of('foreign').certificate}: is not accepted by {ours.ca}: unable to get local issuer certificate",
+        ),
+    ):
+        with pytest.raises(EchogridError) as caught:
+            wrong.check()
+        assert str(caught.value) == sentence
+    for name in ("service", "viewer"):
+        files.of(name).check()
+    files.of("foreign", ca="other").check()
+
+
+def test_the_service_says_it_before_anything_is_opened(port: int, files: Files) -> None:
+    expired = files.of("expired")
+    tls = Tls(ca=str(expired.ca), certificate=str(expired.certificate), key=str(expired.key), viewers=("viewer",))
+    with pytest.raises(EchogridError, match=rf"^publish\.tls: {expired.certificate}: is not accepted by .*: certificate has expired$"):
+        Publisher(Publish(listen=(f"tls/127.0.0.1:{port}",), tls=tls), "car", Ros())
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", port))
+    with pytest.raises(EchogridError, match=r"^expired|certificate has expired$"):
+        Client(f"tls/127.0.0.1:{port}", credentials=expired)
+
+
+TLS = '\n[publish.tls]\nca = "ca.pem"\ncertificate = "car.pem"\nkey = "/etc/car.key"\nviewers = ["viewer"]\n'
+
+
+@pytest.mark.parametrize(
+    ("publish", "expected"),
+    [
+        (
+            'listen = ["tcp/0.0.0.0:7447"]',
+            "publish.listen: 'tcp/0.0.0.0:7447' leads out of this machine unprotected, expected tls/HOST",
+        ),
+        ('listen = ["tcp/[::]:7447"]', "publish.listen: 'tcp/[::]:7447' leads out of this machine unprotected"),
+        ('listen = ["tcp/localhost.evil.test:7447"]', "leads out of this machine unprotected"),
+        ('listen = ["udp/224.0.0.224:7446"]', "leads out of this machine unprotected"),
+        ('connect = ["tcp/192.0.2.1:7447"]', "publish.connect: 'tcp/192.0.2.1:7447' leads out of this machine unprotected"),
+        ('connect = ["quic/127.0.0.2.test:7447"]', "publish.connect: 'quic/127.0.0.2.test:7447' leads out"),
+        ('listen = ["tls/0.0.0.0:7447"]', "publish.listen: 'tls/0.0.0.0:7447' found, expected [publish.tls] with it"),
+        (TLS, "publish.listen: 'tcp/127.0.0.1:7447' found beside [publish.tls], expected tls/HOST:PORT"),
+        (
+            'listen = ["tls/[::]:7447"]\nconnect = ["tcp/127.0.0.1:1"]' + TLS,
+            "publish.connect: 'tcp/127.0.0.1:1' found beside [publish.tls]",
+        ),
+        ('listen = ["tls/[::]:7447"]' + TLS.replace('["viewer"]', "[]"), "publish.tls.viewers: Expected `array` of length >= 1"),
+        ('listen = ["tls/[::]:7447"]' + TLS.replace('ca = "ca.pem"', ""), "publish.tls: the key 'ca' is missing"),
+        ('plaintext = true\nlisten = ["tls/[::]:7447"]' + TLS, "publish.plaintext: found beside [publish.tls], expected one of them"),
+        (
+            '[metrics]\nlisten = "0.0.0.0:9464"',
+            "metrics.listen: '0.0.0.0:9464' leads out of this machine unprotected, expected the loopback",
+        ),
+        ('plaintext = true\n[metrics]\nlisten = "[::]:9464"', "metrics.listen: '[::]:9464' leads out of this machine unprotected"),
+    ],
+)
+def test_what_would_expose_the_service_is_refused(tmp_path: Path, publish: str, expected: str) -> None:
+    path = tmp_path / "echogrid.toml"
+    path.write_text(f"{CONFIG}\n[publish]\n{publish}\n")
+    with pytest.raises(EchogridError) as caught:
+        load_config(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert expected in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "publish",
+    [
+        'listen = ["tcp/127.0.0.1:7447", "tcp/[::1]:7447", "ws/localhost:1", "unixsock-stream//run/echogrid/zenoh.sock"]',
+        'listen = []\nconnect = ["tcp/127.3.2.1:7447"]',
+        'plaintext = true\nlisten = ["tcp/0.0.0.0:7447"]\nconnect = ["tcp/192.0.2.1:7447"]',
+        'listen = ["tls/0.0.0.0:7447"]\nconnect = ["tls/router.test:7447"]' + TLS,
+        '[metrics]\nlisten = "[::1]:9464"',
+        '[metrics]\nlisten = "0.0.0.0:9464"\nplaintext = true',
+    ],
+)
+def test_what_is_protected_or_asked_for_is_taken(tmp_path: Path, publish: str) -> None:
+    path = tmp_path / "echogrid.toml"
+    path.write_text(f"{CONFIG}\n[publish]\n{publish}\n")
+    tls = load_config(path).publish.tls
+    assert tls is None or tls.credentials() == Credentials(tmp_path / "ca.pem", tmp_path / "car.pem", Path("/etc/car.key"))
+
+
+def test_the_five_minutes_of_the_document_work(tmp_path: Path, port: int) -> None:
+    """Its commands make the files that its configuration names, the one to start from has that too, and its viewer sees the map."""
+    document = (ROOT / "docs" / "security.md").read_text()
+    (commands,) = re.findall(r"```sh\n(.*?)```", document, re.DOTALL)
+    (publish,) = re.findall(r"```toml\n(.*?)```", document, re.DOTALL)
+    made = tmp_path / "tls"
+    made.mkdir()
+    subprocess.run(["sh", "-e", "-c", commands], cwd=made, check=True, capture_output=True, timeout=60)
+    start = (ROOT / "deploy" / "echogrid.toml").read_text()
+    assert publish in re.sub("^# ?", "", start[start.index("# [publish]") :], flags=re.MULTILINE)
+    path = tmp_path / "echogrid.toml"
+    path.write_text(f"{CONFIG}\n{publish}".replace("[::]:7447", f"127.0.0.1:{port}"))
+    viewer = Credentials(made / "ca.pem", made / "dashboard.pem", made / "dashboard.key")
+    with Publisher(load_config(path).publish, "car", Ros()) as publisher, Client(f"tls/127.0.0.1:{port}", credentials=viewer) as client:
+        publisher.put(messages.grid(7, 0, 0, 0.5, LOG_ODDS))
+        assert client.grid(PATIENCE) is not None

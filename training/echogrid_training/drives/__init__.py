@@ -1,0 +1,1 @@
+"""Drives as files: simulated, imported, written as CAN logs, cut into samples."""

@@ -1,0 +1,109 @@
+"""Many simulated drives: one folder a town, the same whatever number of workers makes them, and to be gone on with after a kill."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from echogrid.errors import EchogridError
+from echogrid_training.drives.drive import check_free, write_drive
+from echogrid_training.drives.simulate import simulate
+from echogrid_training.sensors.episode import draw_episode, paper_sensors
+from echogrid_training.worlds.layout import make_town
+from echogrid_training.worlds.osm import town_from_osm
+
+PLAN = "campaign.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """What is simulated: `towns` drives of `seconds` each, through towns of a family or through the place of an OpenStreetMap extract."""
+
+    family: str
+    towns: int
+    seconds: float
+    seed: int
+    osm: str | None = None
+    sensors: Literal["drawn", "paper"] = "drawn"  # anew for every drive, over wide ranges; or the paper's kind
+
+    def name(self, index: int) -> str:
+        """The folder of one town."""
+        return f"{self.family}-{index:05d}"
+
+    def town_seed(self, index: int) -> int:
+        """A seed of its own for each town, whatever else the campaign holds."""
+        return int(np.random.SeedSequence((self.seed, index)).generate_state(1)[0])
+
+
+def run(campaign: Campaign, out: Path, workers: int, on_done: Callable[[str], None]) -> int:
+    """Simulates what is not there yet; returns how many drives were made. `on_done` hears the name of each.
+
+    Raises EchogridError where the folder holds another campaign, or a drive cannot be written: what was finished stays usable.
+    """
+    _compare(campaign, out)
+    missing = [index for index in range(campaign.towns) if not (out / campaign.name(index)).is_dir()]
+    if workers <= 1:
+        names = (make(campaign, index, out) for index in missing)
+        return _count(names, campaign, out, on_done)
+    # Spawned, not forked: a fork of a process with threads may never come up.
+    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+        pending = [pool.submit(make, campaign, index, out) for index in missing]
+        try:
+            return _count((done.result() for done in as_completed(pending)), campaign, out, on_done)
+        except BaseException:
+            pool.shutdown(wait=True, cancel_futures=True)
+            raise
+
+
+def _count(names: Iterable[str], campaign: Campaign, out: Path, on_done: Callable[[str], None]) -> int:
+    """Notes the campaign in its folder when the first drive is there: one that never came to a drive leaves no trace."""
+    count = 0
+    for name in names:
+        count += 1
+        try:
+            (out / PLAN).write_bytes(msgspec.json.encode(asdict(campaign)))
+        except OSError as error:
+            raise EchogridError(f"{out / PLAN}: cannot be written: {error.strerror}") from error
+        on_done(name)
+    return count
+
+
+def make(campaign: Campaign, index: int, out: Path) -> str:
+    """One town's drive folder, written whole or not at all; returns its name."""
+    seed = campaign.town_seed(index)
+    folder = out / campaign.name(index)
+    check_free(folder, force=False)
+    if campaign.osm is None:
+        town = make_town(campaign.family, seed, campaign.seconds)
+    else:
+        town = town_from_osm(Path(campaign.osm), seed, campaign.seconds)
+    episode = paper_sensors(seed, campaign.family) if campaign.sensors == "paper" else draw_episode(seed, campaign.family)
+    recording, truth = simulate(town, episode)
+    write_drive(recording, folder, seed=seed, truth_map=truth)
+    return folder.name
+
+
+def _compare(campaign: Campaign, out: Path) -> None:
+    """Raises EchogridError where the folder holds another campaign: only the number of towns may differ."""
+    plan = out / PLAN
+    try:
+        noted = msgspec.json.decode(plan.read_bytes(), type=Campaign)
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise EchogridError(f"{plan}: cannot be read: {error.strerror}") from error
+    except msgspec.DecodeError as error:
+        raise EchogridError(f"{plan}: does not note a campaign: {error}") from error
+    for key in ("family", "seconds", "seed", "osm", "sensors"):
+        if getattr(noted, key) != getattr(campaign, key):
+            raise EchogridError(
+                f"{plan}: the folder holds a campaign with {key} {getattr(noted, key)}, expected {getattr(campaign, key)}: "
+                "give another folder"
+            )

@@ -1,0 +1,1 @@
+"""Who drives, and how: lanes, paces, steering, the ego car, the traffic."""

@@ -1,0 +1,97 @@
+"""The scores of real recordings as tables in Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from echogrid_training.evaluation.metrics import ratio
+from echogrid_training.evaluation.recorded.astyx import FrameScores
+from echogrid_training.evaluation.recorded.comparison import YARDSTICKS, Compared, DriveScores, MethodScores, Summary
+
+CALLED = (
+    "drive",
+    "method",
+    "swept ground called occupied",
+    "observed",
+    "left-out detections within reach",
+    "called occupied, widened",
+    "recall",
+    "called surely free",
+    "false free",
+)
+EQUAL = (
+    "drive",
+    "method",
+    "recall at equal area",
+    "at equal share",
+    "at the first's threshold (area)",
+    "false free at equal area",
+    "at the first's threshold (area)",
+)
+SUMMARY = (
+    "method / yardstick",
+    "swept ground, most more",
+    "recall at equal area",
+    "least",
+    "at equal share",
+    "at the first's threshold (area)",
+    "false free at equal area",
+    "most more",
+    "at the first's threshold (area)",
+)
+FRAMES = ("file", "frames", "radar", "occupied", "method", "average precision", "to Elfes")
+
+
+def drive_tables(scores: Sequence[DriveScores], summaries: Sequence[Summary]) -> str:
+    """What the maps say as they are, then at the areas of each yardstick, then over all drives."""
+    parts = ["As the maps call it, occupied where p > 0.7 and surely free where log-odds < -1.5:"]
+    parts.append(table(CALLED, (_called(drive.name, method, one) for drive, method, one in _all(scores))))
+    for yardstick in YARDSTICKS:
+        parts.append(f"At the areas of '{yardstick}':")
+        rows = (_equal(drive.name, method, one.against[yardstick]) for drive, method, one in _all(scores) if method != yardstick)
+        parts.append(table(EQUAL, rows))
+    parts.append("Over all drives, ratios to the yardstick where nothing else is said:")
+    parts.append(table(SUMMARY, map(_summary, summaries)))
+    return "\n\n".join(parts)
+
+
+def frame_table(scores: Sequence[FrameScores]) -> str:
+    """By file, place of the radar, and method."""
+    return table(FRAMES, (row for one in scores for row in _frames(one)))
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    return "\n".join("| " + " | ".join(row) + " |" for row in (head, ["---"] * len(head), *rows))
+
+
+def _all(scores: Sequence[DriveScores]) -> Iterator[tuple[DriveScores, str, MethodScores]]:
+    for drive in scores:
+        for method, one in drive.methods.items():
+            yield drive, method, one
+
+
+def _called(drive: str, method: str, one: MethodScores) -> list[str]:
+    occupied, free = one.occupied, one.free
+    said = [f"{one.swept:.3%}", f"{one.observed_m2:.0f} m²", f"{one.within_reach:.2f}", f"{occupied.covered_m2:.0f} m²"]
+    return [drive, method, *said, f"{occupied.recall:.3f}", f"{free.free_m2:.0f} m²", f"{free.false_free:.2%}"]
+
+
+def _equal(drive: str, method: str, one: Compared) -> list[str]:
+    occupied = [f"{one.equal_area.recall:.3f}", f"{one.equal_share.recall:.3f}"]
+    occupied.append(f"{one.first_occupied.recall:.3f} ({one.first_occupied.covered_m2:.0f} m²)")
+    free = [f"{one.equal_free_area.false_free:.2%}", f"{one.first_free.false_free:.2%} ({one.first_free.free_m2:.0f} m²)"]
+    return [drive, method, *occupied, *free]
+
+
+def _summary(one: Summary) -> list[str]:
+    occupied = [f"{value:.2f}" for value in (one.recall, one.recall_least, one.recall_share)]
+    first = f"{one.recall_first:.2f} ({one.covered_first:.2f})", f"{one.false_free_first:.2f} ({one.free_first:.2f})"
+    free = f"{one.false_free:.2f}", f"{one.false_free_more:+.2%}"
+    return [f"{one.method} / {one.yardstick}", f"{one.swept_more:+.3%}", *occupied, first[0], *free, first[1]]
+
+
+def _frames(one: FrameScores) -> Iterator[list[str]]:
+    elfes = one.average_precision["elfes"]
+    for method, value in one.average_precision.items():
+        place = [one.name, f"{one.frames}", f"{one.place} patch", f"{one.occupied:.2%} of {one.cells} cells"]
+        yield [*place, method, f"{value:.4f}", f"{ratio(value, elfes):.2f}"]

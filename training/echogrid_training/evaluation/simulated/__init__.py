@@ -1,0 +1,1 @@
+"""Figures on simulated drives, cell by cell beside their truth."""

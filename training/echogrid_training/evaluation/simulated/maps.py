@@ -1,0 +1,155 @@
+"""The maps of all methods over the same drive, by the service's own mapping, and what they say beside the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal
+
+import numpy as np
+
+from echogrid.core.evidence.history import Surroundings
+from echogrid.core.evidence.inverse_sensor_model import AnalyticSensorModel
+from echogrid.core.evidence.raster import Image, rasterize
+from echogrid.core.map.look_map import KNOWN, LookMap
+from echogrid.core.map.occupancy import OccupancyMap
+from echogrid.core.map.tile import Layers
+from echogrid.core.mapper import Mapper
+from echogrid.core.motion.se2 import SE2
+from echogrid_training.evaluation.reading import Scores
+from echogrid_training.evaluation.simulated.learned import Key, Network
+from echogrid_training.evaluation.simulated.tally import Place
+from echogrid_training.evaluation.simulated.tape import Marks, Tape, outside, play
+from echogrid_training.learning.dataset import SPEC
+from echogrid_training.truth.local_map import EVERY, patch
+
+Level = Literal["patch", "around", "finished", "revisited", "cold"]
+ELFES, GEOMETRY = "Elfes, sum", "geometric layer of looks"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Row:
+    """One way to read one map; several rows may read the same one."""
+
+    key: Key
+    mapper: Mapper
+    read: Callable[[Layers], Scores]  # log-odds or what rises with them; 0 where nothing is known
+
+    @property
+    def published(self) -> bool:
+        """Whether this is what the service publishes of the map."""
+        return self.read == self.mapper.map.read
+
+    def at(self, odom_from_base: SE2) -> Scores:
+        """(H, W) around a pose."""
+        return self.read(patch(self.mapper.map, odom_from_base, SPEC))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """What all maps say of one place: `around` the car as it passes, or of the `finished` map."""
+
+    level: Level
+    place: Place
+    scores: dict[Key, Scores]
+
+
+class Geometry:
+    """The service's analytic model of a drive's car; remembers its last answer, since all maps ask for the same at every update."""
+
+    def __init__(self, tape: Tape) -> None:
+        self._model = AnalyticSensorModel(SPEC, tuple(tape.mounts.values()), tape.config.sensor_model.beam())
+        self._image: Image | None = None
+        self._said: Image = np.empty(0, dtype=np.float32)
+
+    def __call__(self, around: Surroundings) -> Image:
+        """(H, W) log-odds, as pipeline.py has the model say them."""
+        image = rasterize(around.now.points, SPEC)
+        if self._image is None or not np.array_equal(image, self._image):
+            self._image, self._said = image, self._model(image)
+        return self._said
+
+
+def rows(tape: Tape, geometry: Geometry, of: Mapping[Key, Network]) -> list[Row]:
+    """Empty maps: the service's analytic model, and every network by the rules `looks` and `sum`."""
+    bounds = tape.config.map.clamp, tape.config.map.max_tiles
+    elfes = tape.mapper(geometry, OccupancyMap(SPEC, *bounds))
+    out = [Row((ELFES, 0), elfes, elfes.map.read)]
+    for (name, number), network in of.items():
+        looks = tape.mapper(partial(averaged, network, geometry), LookMap(SPEC, network.model.contract.calibration, *bounds))
+        total = tape.mapper(partial(summed, network), OccupancyMap(SPEC, *bounds))
+        out += [
+            Row((f"{name}, looks", number), looks, looks.map.read),
+            Row((f"{name}, sum", number), total, total.map.read),
+            Row((f"{name}, learned layer of looks", number), looks, learned_layer),
+        ]
+        if len(out) == 4:  # the same whatever network it stands beside
+            out.append(Row((GEOMETRY, 0), looks, geometric_layer))
+    return out
+
+
+def averaged(network: Network, geometry: Geometry, around: Surroundings) -> Image:
+    """What a LookMap takes, as pipeline.py makes it."""
+    return np.stack((*network(around), geometry(around)))
+
+
+def summed(network: Network, around: Surroundings) -> Image:
+    """What an OccupancyMap takes, as pipeline.py makes it."""
+    log_odds, weight = network(around)
+    return np.asarray(log_odds * weight)
+
+
+def learned_layer(layers: Layers) -> Scores:
+    """The mean of the network's log-odds alone, where it held enough of its looks for observable."""
+    total, weight, looks, _ = layers
+    mean = total / np.maximum(weight, np.float32(1e-6))
+    return np.where((weight >= KNOWN * looks) & (looks > 0), mean, np.float32(0))
+
+
+def geometric_layer(layers: Layers) -> Scores:
+    """The sum of the analytic model's log-odds alone."""
+    return np.asarray(layers[3])
+
+
+def mappers(of: Iterable[Row]) -> list[Mapper]:
+    """Each one once."""
+    return list({id(row.mapper): row.mapper for row in of}.values())
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Where the car was at a mark on its way: by dead reckoning, and truly."""
+
+    odom_from_base: SE2
+    truth_from_base: SE2
+
+
+def drive_through(tape: Tape, of: Sequence[Row]) -> Iterator[View]:
+    """Plays the drive into the rows' maps: a view around the car every EVERY m of way, and in the end the finished maps at the same places.
+
+    Dead reckoning drifts against the truth, but hardly within a window: places are where it had the car at that moment.
+    """
+    marks = Marks(EVERY)
+    stops: list[Stop] = []
+    for ego in play(tape.events, mappers(of)):
+        pose = tape.truth.pose(ego.stamp_ns)
+        if pose is not None and marks.reached(pose):
+            stop = Stop(ego.odom_from_base, pose)
+            if stops:  # at the start there is no map yet
+                yield view("around", tape, of, stop)
+            stops.append(stop)
+    for stop in stops:
+        yield view("finished", tape, of, stop)
+
+
+def view(level: Level, tape: Tape, of: Sequence[Row], stop: Stop) -> View:
+    """Of all rows' maps at a place."""
+    place = Place.plain(tape.truth.map.patch(stop.truth_from_base, SPEC), outside(tape.config, SPEC))
+    return View(level, place, {row.key: row.at(stop.odom_from_base) for row in of})
+
+
+def replayed(tape: Tape, of: Sequence[Row]) -> list[Row]:
+    """Rows over the same maps, with mappers that begin anew: the second time round, dead reckoning says the same."""
+    anew = {id(mapper): tape.mapper(mapper.infer, mapper.map) for mapper in mappers(of)}
+    return [Row(row.key, anew[id(row.mapper)], row.read) for row in of]

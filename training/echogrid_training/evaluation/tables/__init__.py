@@ -1,0 +1,1 @@
+"""The pages and pictures that the figures on simulated drives are written to."""

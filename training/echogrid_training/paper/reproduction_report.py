@@ -1,0 +1,242 @@
+"""The reproduction as one HTML page with its pictures inside, and its table in Markdown."""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from html import escape
+from pathlib import Path
+
+from echogrid_training.learning.autoencoder import weight_count
+from echogrid_training.learning.dataset import Samples
+from echogrid_training.learning.loss import CLASSES
+from echogrid_training.paper.autoencoders import PAPERS, Autoencoder
+from echogrid_training.paper.true_pose_map import CLAMP, MapErrors, Rule
+
+SCHEMES = {"inverse": "inverse class ratio", "independent": "independent class MSE"}
+RULES: Mapping[Rule, str] = {"sum": "sum of the log-odds, the paper's Eq. (1)", "looks": "mean of the looks"}
+
+STYLE = """
+body { max-width: 1120px; margin: 2em auto; padding: 0 1em; font: 16px/1.5 sans-serif; color: #282c34; background: #fff; }
+h1, h2 { line-height: 1.2; font-weight: 600; }
+h2 { margin-top: 2em; border-bottom: 1px solid #d7dbe1; }
+table { border-collapse: collapse; margin: 1em 0; }
+th, td { padding: .25em .7em; border-bottom: 1px solid #d7dbe1; text-align: left; vertical-align: top; }
+th.number, td.number { text-align: right; font-variant-numeric: tabular-nums; }
+figure { margin: 1em 0; }
+figure img { max-width: 100%; height: auto; }
+figcaption { color: #565c66; font-size: 14px; }
+.pair { display: grid; grid-template-columns: 1fr 1fr; gap: 1em; }
+.pair figure { margin: 0; }
+code { font-size: 14px; overflow-wrap: anywhere; }
+"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """Drives of one kind, and all their samples."""
+
+    drives: list[Path]
+    samples: Samples
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reproduction:
+    """All that the page says. Pictures are PNG by name: scene-1, scene-2, …, prior, curves-…, map-truth, map-RULE-NETWORK."""
+
+    networks: Sequence[Autoencoder]
+    parts: Mapping[str, Part]  # 'learned from', 'validation' and 'test'
+    plans: Mapping[str, Sequence[str]]  # of the campaigns that a part's drives are of
+    drive: str  # of the maps
+    way: float  # m
+    maps: Mapping[tuple[Rule, str], MapErrors]  # by rule and name of the network
+    pictures: Mapping[str, bytes]
+
+
+def markdown(networks: Sequence[Autoencoder]) -> str:
+    """Table I beside the paper's."""
+    rows = [table_head(), ["---"] * len(table_head()), *table_rows(networks)]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def table_head() -> list[str]:
+    return ["sensor", "class weights", "paper: free", "paper: occupied", *CLASSES, *(f"soft: {name}" for name in CLASSES)]
+
+
+def table_rows(networks: Sequence[Autoencoder]) -> list[list[str]]:
+    rows = []
+    for network in networks:
+        paper = [f"{value:.2f}" for value in PAPERS[network.sensor, network.weighting]]
+        ours = [_number(network.errors[kind][name]) for kind in ("ternary", "soft") for name in CLASSES]
+        rows.append([network.sensor, SCHEMES[network.weighting], *paper, *ours])
+    return rows
+
+
+def observations(networks: Sequence[Autoencoder]) -> list[tuple[str, bool]]:
+    """What the paper reads off its table, and whether it can be read off ours."""
+    of = {(network.sensor, network.weighting): network.errors["ternary"] for network in networks}
+    found = [
+        (
+            f"{sensor}: the inverse class ratio errs less on free cells and more on occupied ones than the independent class MSE",
+            of[sensor, "inverse"]["free"] < of[sensor, "independent"]["free"]
+            and of[sensor, "inverse"]["occupied"] > of[sensor, "independent"]["occupied"],
+        )
+        for sensor in ("lidar", "radar")
+    ]
+    found += [
+        (
+            f"{SCHEMES[weighting]}: the lidar errs less than the radar, on free and on occupied cells",
+            all(of["lidar", weighting][name] < of["radar", weighting][name] for name in ("free", "occupied")),
+        )
+        for weighting in ("inverse", "independent")
+    ]
+    return found
+
+
+def page(made: Reproduction) -> str:
+    """The whole page; it needs nothing beside it."""
+    body = "\n".join((_opening(made), _table(made), _scenes(made), _prior(made), _maps(made), _curves(made), _settings(made)))
+    title = "Deep, spatially coherent occupancy maps: a reproduction on simulated drives"
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head><meta charset="utf-8"><title>{title}</title><style>{STYLE}</style></head>
+<body>
+<h1>{title}</h1>
+{body}
+</body>
+</html>
+"""
+
+
+def _opening(made: Reproduction) -> str:
+    trained = made.networks[0].trained
+    return f"""<p>D. Bauer, L. Kuhnert and L. Eckstein, <i>Deep, spatially coherent Occupancy Maps based on Radar Measurements</i>
+(arXiv 1903.12467), train four autoencoders that turn one image of sensor returns into log-odds of occupancy for the 128 x 128 cells
+around a car: from a lidar or from four radars, with two ways to weight the classes. This page repeats their table and figures; its
+pictures stand beside it as PNG files too.</p>
+<p><b>What is not the paper's.</b> The figure with the network is not in the paper's text, so channel widths, depth and kernels are our
+choice: five convolutions of kernel 4 and stride 2 down to 4 x 4 cells, five deconvolutions back, one convolution of kernel 3, with
+LeakyReLU and batch norm; width {trained.settings.width}, {weight_count(trained.model()) / 1e6:.2f} million weights. Optimiser, rate and
+strength of L2 are ours too. <b>The towns are simulated</b>: streets, traffic, radars, lidar and motion sensors are generated, since the
+paper's recordings are not public. Beside the paper's numbers, ours compare a pattern, not a score.</p>"""
+
+
+def _table(made: Reproduction) -> str:
+    claims = ((claim, "yes" if holds else "no") for claim, holds in observations(made.networks))
+    return f"""<h2>Table I: mean squared error by class</h2>
+{_rows(table_rows(made.networks), table_head())}
+<p>Of tanh(log-odds / 2), pooled over all pixels of the test towns. <i>Free</i>, <i>unknown</i>, <i>occupied</i>: against labels -1, 0 and
+1, as the paper writes its classes. <i>Soft</i>: against labels tanh(L / 2) of the true log-odds L, in classes by their sign. To compare
+with: a network that says <i>unknown</i> everywhere has 1, 0 and 1, one that says <i>free</i> everywhere 0, 1 and 4.</p>
+{_rows(claims, ("what the table shows in the paper", "here too"))}"""
+
+
+def _scenes(made: Reproduction) -> str:
+    names = [name for name in made.pictures if name.startswith("scene-")]
+    figures = "\n".join(_figure(made, name, f"Scene {number}.") for number, name in enumerate(names, 1))
+    return f"""<h2>The inverse sensor models (the paper's Fig. 5)</h2>
+<p>In the paper's colours: free black, unknown grey, occupied white. Ahead is up; the car's outline is green. What is shown to a network
+has a white dot in every cell with a return, here grown to 3 x 3 cells for the eye. The scenes were chosen before any network was asked:
+of drives spread evenly over the test set, the sample with most occupied cells.</p>
+{figures}"""
+
+
+def _prior(made: Reproduction) -> str:
+    return f"""<h2>The learned spatial prior (Fig. 6)</h2>
+<p>The paper shows its prior by what the lidar network with independent class MSE adds to what was seen: input, answer and truth, as in the
+upper rows above. The prior alone is what a network answers to an image in which nothing was seen at all.</p>
+{_figure(made, "prior", "Answers to an empty image.")}"""
+
+
+def _maps(made: Reproduction) -> str:
+    errors = []
+    for network in made.networks:
+        for rule, title in RULES.items():
+            of = made.maps[rule, network.name]
+            shares = [_share(of.sure), _share(of.sure_and_wrong)]
+            errors.append([network.sensor, SCHEMES[network.weighting], title, *shares, _number(of.bits), _number(of.fitted_bits)])
+    head = ("sensor", "class weights", "rule", "cells surely told", "wrong of those", "bits a cell", "after a fit")
+    figures = "\n".join(_map_pair(made, network) for network in made.networks)
+    return f"""<h2>Large-scale mapping (Fig. 7)</h2>
+<p>The answers along {escape(made.drive)}, with {made.way:.0f} m the longest test drive, put together at the true poses. Over each map, in
+orange, the cells that the true map holds for occupied, and in blue the way driven. Left by the paper's Eq. (1), which adds the log-odds
+of every update, kept within ±{CLAMP} as in the service; right by the rule <code>looks</code>, the mean over the same updates.</p>
+<p>Eq. (1) takes the answers for independent. They are not: much of an answer is the prior, and it is said anew at every update. Added some
+dozens of times, it drives a cell to the clamp whether it is right or wrong. The mean says it once. The table tells how much that is.</p>
+{_rows(errors, head)}
+<p>Over the cells that both the map and the truth know. Surely told: log-odds of {CLAMP} or more by amount, p below 0.03 or above 0.97.
+Bits a cell: what its truth still costs to tell when the map's probability is known; a map that says the share of occupied cells
+everywhere needs {_number(next(iter(made.maps.values())).least)}. After a fit: with the best two numbers in a · log-odds + b for each map,
+since the class weights shift the odds.</p>
+{_figure(made, "map-truth", "The true map: what an ideal lidar says along the way, summed by Eq. (1).")}
+{figures}"""
+
+
+def _map_pair(made: Reproduction, network: Autoencoder) -> str:
+    scheme = SCHEMES[network.weighting]
+    pair = [_figure(made, f"map-{rule}-{network.name}", f"{network.sensor}, {scheme}: {title}.") for rule, title in RULES.items()]
+    return f'<div class="pair">{"".join(pair)}</div>'
+
+
+def _curves(made: Reproduction) -> str:
+    charts = "".join(_figure(made, name) for name in made.pictures if name.startswith("curves-"))
+    return f"""<h2>Convergence</h2>
+<p>The loss that is learned by, to which each weighting gives a scale of its own, and the errors in held-out towns after each epoch, as in
+the networks' <code>log.jsonl</code>.</p>
+<div class="pair">{charts}</div>"""
+
+
+def _settings(made: Reproduction) -> str:
+    parts = [
+        (name, str(len(part.drives)), str(len(part.samples)), " ".join(made.plans[name]) or "not noted")
+        for name, part in made.parts.items()
+    ]
+    first = made.networks[0].trained
+    same = [(key, str(value)) for key, value in asdict(first.settings).items() if key not in ("sensor", "weighting")]
+    runs = [
+        (
+            network.sensor,
+            SCHEMES[network.weighting],
+            str(network.log[-1]["step"]),
+            f"{sum(line['seconds'] for line in network.log) / 60:.1f}",
+        )
+        for network in made.networks
+    ]
+    return f"""<h2>Settings</h2>
+{_rows(parts, ("drives", "how many", "samples", "plan of their campaign"))}
+<p>Samples are at least 1 m apart. Those learned from and validated on have thinned scans and silent radars in some spells; those tested are
+as the sensors gave them. sha256 of what was learned from: <code>{escape(first.data_sha256)}</code>. Shares of free, unknown and occupied
+cells in it: {", ".join(_number(share) for share in first.shares)}.</p>
+{_rows(same, ("setting", "of all four"))}
+{_rows(runs, ("sensor", "class weights", "steps", "minutes"))}"""
+
+
+def _rows(rows: Iterable[Sequence[str]], head: Sequence[str]) -> str:
+    """A table; columns that begin with a number stand to the right."""
+    rows = list(rows)
+    kinds = [" class=number" if _is_number(cell) else "" for cell in rows[0]]
+
+    def line(tag: str, cells: Sequence[str]) -> str:
+        return f"<tr>{''.join(f'<{tag}{kind}>{escape(cell)}</{tag}>' for kind, cell in zip(kinds, cells, strict=True))}</tr>"
+
+    return "\n".join(("<table>", line("th", head), *(line("td", row) for row in rows), "</table>"))
+
+
+def _figure(made: Reproduction, name: str, caption: str = "") -> str:
+    inside = base64.b64encode(made.pictures[name]).decode()
+    return f"""<figure><img alt="{escape(name)}" src="data:image/png;base64,{inside}">
+<figcaption>{escape(caption)}</figcaption></figure>"""
+
+
+def _number(value: float) -> str:
+    return "–" if math.isnan(value) else f"{value:.3f}"
+
+
+def _share(value: float) -> str:
+    return "–" if math.isnan(value) else f"{value:.1%}"
+
+
+def _is_number(cell: str) -> bool:
+    return cell == "–" or cell.removesuffix("%").replace(".", "", 1).isdecimal()

@@ -1,0 +1,1 @@
+"""How much simulated drives resemble recorded ones."""

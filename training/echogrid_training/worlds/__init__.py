@@ -1,0 +1,1 @@
+"""Whole worlds to drive in: a town with its traffic and the way of the ego car."""
