@@ -9,7 +9,7 @@ import can
 import numpy as np
 import pytest
 
-from echogrid.config.tables import load_config
+from echogrid.config.loading import load_config
 from echogrid.core.evidence.history import Surroundings
 from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.map.look_map import UPDATES, LookMap

@@ -11,7 +11,8 @@ import pytest
 
 from echogrid.can.profile import MotionProfile, RadarProfile
 from echogrid.can.signals import SignalReader
-from echogrid.config.tables import Config, load_config
+from echogrid.config.loading import load_config
+from echogrid.config.tables import Config
 from echogrid.core.health import Health
 from tests.support.places import ROOT
 

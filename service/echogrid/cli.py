@@ -209,7 +209,7 @@ def _replay(arguments: argparse.Namespace) -> None:
 
 def _check(arguments: argparse.Namespace) -> None:
     from echogrid.commands.check import check_log, render
-    from echogrid.config.tables import load_config
+    from echogrid.config.loading import load_config
     from echogrid.pipeline import Pipeline
 
     config = load_config(arguments.config)

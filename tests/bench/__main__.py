@@ -28,7 +28,7 @@ from echogrid.can.decode import BatchDecoder, stack
 from echogrid.can.profile import find, load_radar
 from echogrid.can.radar import RadarReader
 from echogrid.can.signals import bus_of
-from echogrid.config.tables import load_config
+from echogrid.config.loading import load_config
 from echogrid.core import mapper as mapper_module
 from echogrid.core.evidence.history import Surroundings
 from echogrid.core.evidence.history_raster import HistoryRaster

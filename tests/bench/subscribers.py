@@ -21,7 +21,8 @@ import zenoh
 
 from echogrid.can.signals import bus_of
 from echogrid.client import Client
-from echogrid.config.tables import Config, Publish, Ros, load_config
+from echogrid.config.loading import load_config
+from echogrid.config.tables import Config, Publish, Ros
 from echogrid.core.map.map_delta import around, key_window
 from echogrid.core.mapper import MapUpdate
 from echogrid.core.motion.odometry import EgoState

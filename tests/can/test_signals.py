@@ -10,7 +10,7 @@ import can
 from tests.support import frames
 
 from echogrid.can.signals import SignalReader
-from echogrid.config.tables import load_config
+from echogrid.config.loading import load_config
 from echogrid.core.health import Health
 
 

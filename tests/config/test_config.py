@@ -10,7 +10,8 @@ import pytest
 from tests.support.frames import CONFIG
 
 from echogrid.can.signals import SignalReader
-from echogrid.config.tables import Map, load_config
+from echogrid.config.loading import load_config
+from echogrid.config.tables import Map
 from echogrid.core.health import Health
 from echogrid.errors import EchogridError
 

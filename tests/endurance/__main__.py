@@ -11,7 +11,7 @@ import logging
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from echogrid.config.tables import load_config
+from echogrid.config.loading import load_config
 from echogrid.pipeline import Pipeline
 from tests.endurance.distance import distance
 from tests.endurance.kill import kills, summary

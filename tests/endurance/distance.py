@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from echogrid.config.tables import load_config
+from echogrid.config.loading import load_config
 from echogrid.core.map.tiled_map import LogOdds, probability
 from echogrid.core.messages import RadarScan, Speed
 from echogrid.live.service import resident_mib

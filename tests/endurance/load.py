@@ -11,7 +11,7 @@ from typing import Any
 import can
 
 from echogrid.commands.demo import on_virtual_buses, senders
-from echogrid.config.tables import load_config
+from echogrid.config.loading import load_config
 from echogrid.live.service import Service
 from echogrid.pipeline import Pipeline
 from tests.endurance.loop import EndlessDrive

@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 
 from echogrid.commands.demo import AHEAD_FRAMES, on_virtual_buses, senders
-from echogrid.config.tables import load_config
+from echogrid.config.loading import load_config
 from echogrid.live.service import Service
 from echogrid.pipeline import Pipeline
 from tests.endurance.chart import Curve, chart

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from echogrid.config.tables import Config, load_config
+from echogrid.config.loading import load_config
+from echogrid.config.tables import Config
 from echogrid.core.map.tiled_map import probability
 from echogrid.core.motion.se2 import SE2
 from echogrid.core.trust.watch import State

@@ -21,7 +21,7 @@ from echogrid.can.profile import load_motion, load_radar, shipped
 from echogrid.can.radar import RadarReader
 from echogrid.can.signals import SignalReader, bus_of
 from echogrid.client import _json
-from echogrid.config.tables import load_config
+from echogrid.config.loading import load_config
 from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.health import Health, SensorHealth
 from echogrid.errors import EchogridError

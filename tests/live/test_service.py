@@ -22,7 +22,7 @@ from tests.support.places import DEMO
 from echogrid.client import Client
 from echogrid.commands.demo import demo
 from echogrid.commands.replay import replay
-from echogrid.config.tables import load_config
+from echogrid.config.loading import load_config
 from echogrid.live import service as app
 from echogrid.logs.drive import find_drive
 from echogrid.pipeline import Pipeline
@@ -58,7 +58,7 @@ def test_the_analytic_model_needs_no_onnxruntime(config: tuple[Path, int]) -> No
     """52 MiB that a small computer may not have to spare."""
     path, _ = config
     code = (
-        "import sys; from pathlib import Path; from echogrid.live import service; from echogrid.config.tables import load_config\n"
+        "import sys; from pathlib import Path; from echogrid.live import service; from echogrid.config.loading import load_config\n"
         f"path = Path({str(path)!r}); app.Pipeline(load_config(path), path); print('onnxruntime' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
@@ -124,7 +124,7 @@ def test_a_bus_that_is_not_there_is_one_sentence(tmp_path: Path, config: tuple[P
 
 
 def test_status_is_json(config: tuple[Path, int]) -> None:
-    from echogrid.config.tables import load_config
+    from echogrid.config.loading import load_config
     from echogrid.live.service import Service
     from echogrid.pipeline import Pipeline
 

@@ -12,7 +12,7 @@ from tests.support import networks
 from tests.support.frames import CONFIG
 from tests.support.networks import around, held, logits, write
 
-from echogrid.config.tables import load_config
+from echogrid.config.loading import load_config
 from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.map.look_map import LookMap
 from echogrid.core.map.occupancy import OccupancyMap

@@ -17,7 +17,7 @@ from tests.support.foxglove_client import viewer
 from echogrid.cli import _address
 from echogrid.commands.demo import on_virtual_buses
 from echogrid.commands.replay import Recorder, replay
-from echogrid.config.tables import load_config
+from echogrid.config.loading import load_config
 from echogrid.core.mapper import MapUpdate
 from echogrid.live.service import Service
 from echogrid.logs.drive import find_drive

@@ -18,7 +18,8 @@ from tests.support import world
 from echogrid.client import Client
 from echogrid.commands.demo import AHEAD_FRAMES, on_virtual_buses, senders
 from echogrid.commands.replay import replay
-from echogrid.config.tables import Store, load_config
+from echogrid.config.loading import load_config
+from echogrid.config.tables import Store
 from echogrid.errors import EchogridError
 from echogrid.live.service import Service, store_path
 from echogrid.logs.drive import Drive, find_drive

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from tests.support import world
 from tests.support.status import status
 
-from echogrid.config.tables import Publish, load_config
+from echogrid.config.loading import load_config
+from echogrid.config.tables import Publish
 from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.map.occupancy import OccupancyMap
 from echogrid.core.mapper import MapUpdate

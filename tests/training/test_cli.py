@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from tests.support.recordings import make_recording
 
-from echogrid.config.tables import load_config
+from echogrid.config.loading import load_config
 from echogrid_training import cli
 from echogrid_training.recording import Recording
 

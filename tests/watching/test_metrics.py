@@ -21,8 +21,8 @@ from tests.support.places import ROOT
 from tests.support.status import status
 
 from echogrid import __version__
+from echogrid.config.loading import load_config
 from echogrid.config.tables import Metrics as Settings
-from echogrid.config.tables import load_config
 from echogrid.errors import EchogridError
 from echogrid.watching.metrics import Metrics
 

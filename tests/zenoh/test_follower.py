@@ -12,7 +12,7 @@ import pytest
 from tests.support.places import DEMO
 
 from echogrid.can.signals import bus_of
-from echogrid.config.tables import load_config
+from echogrid.config.loading import load_config
 from echogrid.core.map.map_delta import Rectangle, around
 from echogrid.logs.drive import find_drive
 from echogrid.logs.log import Log

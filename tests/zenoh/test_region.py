@@ -19,7 +19,8 @@ from hypothesis import strategies as st
 from tests.support import world
 
 from echogrid.client import Client
-from echogrid.config.tables import Publish, Ros, load_config
+from echogrid.config.loading import load_config
+from echogrid.config.tables import Publish, Ros
 from echogrid.core.map.map_delta import Rectangle
 from echogrid.core.map.tile import SIDE
 from echogrid.errors import EchogridError

@@ -23,7 +23,8 @@ from tests.support.frames import CONFIG
 from tests.support.places import ROOT
 
 from echogrid.client import Client
-from echogrid.config.tables import Publish, Ros, Tls, load_config
+from echogrid.config.loading import load_config
+from echogrid.config.tables import Publish, Ros, Tls
 from echogrid.errors import EchogridError
 from echogrid.topics import cdr
 from echogrid.topics.topic import ALIVE, FULL, KEY, REGION, STATUS, TILE
@@ -381,7 +382,7 @@ def test_what_is_protected_or_asked_for_is_taken(tmp_path: Path, publish: str) -
     path = tmp_path / "echogrid.toml"
     path.write_text(f"{CONFIG}\n[publish]\n{publish}\n")
     tls = load_config(path).publish.tls
-    assert tls is None or tls.credentials() == Credentials(tmp_path / "ca.pem", tmp_path / "car.pem", Path("/etc/car.key"))
+    assert tls is None or Credentials.of(tls) == Credentials(tmp_path / "ca.pem", tmp_path / "car.pem", Path("/etc/car.key"))
 
 
 def test_the_five_minutes_of_the_document_work(tmp_path: Path, port: int) -> None:

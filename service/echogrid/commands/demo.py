@@ -22,7 +22,8 @@ import numpy as np
 from echogrid.can.signals import bus_of
 from echogrid.client import Client, Window
 from echogrid.commands.replay import Recorder
-from echogrid.config.tables import Config, load_config
+from echogrid.config.loading import load_config
+from echogrid.config.tables import Config
 from echogrid.core.evidence.raster import rasterize
 from echogrid.core.map.occupancy import OccupancyMap
 from echogrid.core.map.tiled_map import LogOdds

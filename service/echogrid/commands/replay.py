@@ -16,7 +16,7 @@ import can
 import numpy as np
 
 from echogrid.can.signals import bus_of
-from echogrid.config.tables import load_config
+from echogrid.config.loading import load_config
 from echogrid.core.mapper import MapUpdate
 from echogrid.core.motion.odometry import EgoState
 from echogrid.errors import EchogridError

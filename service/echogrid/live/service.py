@@ -21,7 +21,8 @@ import numpy as np
 from echogrid.can.bus import LiveBus
 from echogrid.can.frame_queue import FrameQueue
 from echogrid.can.motion import MotionReader
-from echogrid.config.tables import Config, load_config
+from echogrid.config.loading import load_config
+from echogrid.config.tables import Config
 from echogrid.core.mapper import MapUpdate
 from echogrid.core.trust.watch import State
 from echogrid.errors import EchogridError

@@ -5,7 +5,9 @@ from __future__ import annotations
 import ssl
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
+from echogrid.config.tables import Tls
 from echogrid.errors import EchogridError
 
 
@@ -16,6 +18,11 @@ class Credentials:
     ca: Path
     certificate: Path
     key: Path
+
+    @classmethod
+    def of(cls, tls: Tls) -> Self:
+        """Those that a configuration names."""
+        return cls(Path(tls.ca), Path(tls.certificate), Path(tls.key))
 
     def check(self) -> None:
         """Raises EchogridError where a file cannot be read, the key is another's, or the authority does not vouch for us now."""

@@ -132,7 +132,7 @@ def _credentials(settings: config.Publish) -> Credentials | None:
     """Those of [publish.tls], checked. Raises EchogridError."""
     if settings.tls is None:
         return None
-    credentials = settings.tls.credentials()
+    credentials = Credentials.of(settings.tls)
     try:
         credentials.check()
     except EchogridError as error:

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from echogrid.commands.replay import replay
-from echogrid.config.tables import load_config
+from echogrid.config.loading import load_config
 from echogrid.errors import EchogridError
 from echogrid.logs.drive import find_drive
 from echogrid_training.drives import campaign, inspect_drive

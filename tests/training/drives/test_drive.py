@@ -11,7 +11,7 @@ import pytest
 from tests.support.recordings import make_recording
 
 from echogrid.can.signals import SignalReader
-from echogrid.config.tables import load_config
+from echogrid.config.loading import load_config
 from echogrid.core.health import Health
 from echogrid.core.messages import RadarScan, Speed, YawRate
 from echogrid.errors import EchogridError

@@ -12,7 +12,7 @@ from tests.support import networks
 from tests.support.tiny_towns import room, town, track
 
 from echogrid.can.signals import bus_of
-from echogrid.config.tables import load_config
+from echogrid.config.loading import load_config
 from echogrid.core.evidence.history_raster import CHANNELS
 from echogrid.core.evidence.raster import GridSpec
 from echogrid.logs.drive import find_drive

@@ -11,7 +11,8 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from echogrid.can.signals import bus_of
-from echogrid.config.tables import Config, load_config
+from echogrid.config.loading import load_config
+from echogrid.config.tables import Config
 from echogrid.core.messages import Floats, RadarScan
 from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError

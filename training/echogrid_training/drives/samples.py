@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from echogrid.can.signals import bus_of
-from echogrid.config.tables import load_config
+from echogrid.config.loading import load_config
 from echogrid.core.evidence.history import Surroundings
 from echogrid.core.evidence.history_raster import Bytes, HistoryRaster
 from echogrid.core.evidence.raster import Image, rasterize

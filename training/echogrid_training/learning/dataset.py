@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 import echogrid
 import echogrid_training
-from echogrid.config.tables import load_config
+from echogrid.config.loading import load_config
 from echogrid.core.evidence.history_raster import CHANNELS, Bytes
 from echogrid.core.evidence.raster import GridSpec, Image
 from echogrid.errors import EchogridError

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from echogrid.can.signals import bus_of
-from echogrid.config.tables import Config, load_config
+from echogrid.config.loading import load_config
+from echogrid.config.tables import Config
 from echogrid.core.evidence.raster import GridSpec, Image
 from echogrid.core.map.tile import Layers
 from echogrid.core.map.tiled_map import TiledMap

@@ -12,7 +12,8 @@ from tests.support import posts
 from tests.support.recordings import scan_of
 
 from echogrid.can.signals import bus_of
-from echogrid.config.tables import Body, load_config
+from echogrid.config.loading import load_config
+from echogrid.config.tables import Body
 from echogrid.core.messages import RadarScan
 from echogrid.logs.drive import find_drive
 from echogrid.logs.log import Log

@@ -11,7 +11,7 @@ import pytest
 from tests.support.networks import paper, write
 
 from echogrid.can.signals import bus_of
-from echogrid.config.tables import load_config
+from echogrid.config.loading import load_config
 from echogrid.core.map.look_map import SURE
 from echogrid.core.messages import RadarScan
 from echogrid.logs.drive import find_drive

@@ -10,7 +10,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from echogrid.config.tables import Config, load_config
+from echogrid.config.loading import load_config
+from echogrid.config.tables import Config
 from echogrid.core.map.tiled_map import LogOdds
 from echogrid.core.messages import Floats
 from echogrid.errors import EchogridError

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from echogrid.can.signals import bus_of
-from echogrid.config.tables import Config, load_config
+from echogrid.config.loading import load_config
+from echogrid.config.tables import Config
 from echogrid.core.map.tiled_map import TiledMap
 from echogrid.core.messages import EgoMotion, Floats, RadarScan
 from echogrid.core.motion.odometry import EgoState, Odometry

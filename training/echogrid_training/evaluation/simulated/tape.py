@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from echogrid.can.signals import SignalReader, bus_of
-from echogrid.config.tables import Config, load_config
+from echogrid.config.loading import load_config
+from echogrid.config.tables import Config
 from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.health import Health, SensorHealth
 from echogrid.core.map.tiled_map import TiledMap

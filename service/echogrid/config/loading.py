@@ -1,0 +1,112 @@
+"""A configuration file, read and checked: what is wrong with it is one sentence."""
+
+from __future__ import annotations
+
+import ipaddress
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+
+from echogrid.config.tables import NAMED, Config, Publish
+from echogrid.config.toml import load
+from echogrid.core.map.look_map import LookMap
+from echogrid.core.map.occupancy import OccupancyMap
+from echogrid.core.map.tile import MOST_RADARS, most_tiles_along
+from echogrid.errors import EchogridError
+
+BUMPER = 0.2  # m: how far outside the outline a radar may sit, behind a bumper
+
+
+def load_config(path: Path, model: str | None = None) -> Config:
+    """Reads and checks a configuration file; `model` stands in for its own, from the working folder.
+
+    Raises EchogridError with one sentence that names the file and the key.
+    """
+    config = load(path, Config)
+    if model is not None:
+        path_or_name = str(Path(model).resolve()) if model.endswith(".onnx") else model
+        config = msgspec.structs.replace(config, model=path_or_name, model_sha256=None)
+    if config.publish.tls is not None:
+        files = {name: str(path.parent / getattr(config.publish.tls, name)) for name in ("ca", "certificate", "key")}
+        tls = msgspec.structs.replace(config.publish.tls, **files)
+        config = msgspec.structs.replace(config, publish=msgspec.structs.replace(config.publish, tls=tls))
+    if config.store.path is not None:
+        store = msgspec.structs.replace(config.store, path=str(path.parent / config.store.path))
+        config = msgspec.structs.replace(config, store=store)
+    problem = next(_problems(config), None)
+    if problem is not None:
+        raise EchogridError(f"{path}: {problem}")
+    return config
+
+
+def _problems(config: Config) -> Iterator[str]:
+    """What the types cannot say, one sentence each."""
+    buses = [bus.name for bus in config.bus]
+    for key, names in (("bus", buses), ("radar", [radar.name for radar in config.radar])):
+        if not names:
+            yield f"{key}: none is configured, expected at least one [[{key}]]"
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                yield f"{key}[{index}].name: '{name}' is taken already"
+    if len(config.radar) > MOST_RADARS:
+        yield f"radar: {len(config.radar)} are configured, expected at most {MOST_RADARS}: the map keeps a bit for each"
+    known = ", ".join(buses)
+    if config.motion.bus not in buses:
+        yield f"motion.bus: no [[bus]] is named '{config.motion.bus}', found {known}"
+    if config.model not in NAMED and not config.model.endswith(".onnx"):
+        yield f"model: '{config.model}' found, expected {', '.join(NAMED)}, or the path of an .onnx file"
+    if config.model in NAMED and config.model_sha256 is not None:
+        yield f"model_sha256: given for '{config.model}', expected beside the path of an .onnx file: shipped files are checked anyway"
+    if config.model == "analytic" and config.map.fusion == "looks":
+        yield "map.fusion: 'looks' found, expected 'sum' for the analytic model: its answers are independent, a network's are not"
+    summed = config.model == "analytic" or config.map.fusion == "sum"
+    layers = OccupancyMap.layers if summed else LookMap.layers
+    room, window = config.map.tiles(layers), most_tiles_along(config.publish.window_cells) ** 2
+    if window > room:
+        cells = config.publish.window_cells
+        yield f"publish.window_cells: {cells} found, whose {window} tiles have no room in map.max_tiles and map.max_mib, which hold {room}"
+    if config.metrics.listen is not None and config.metrics.address() is None:
+        yield f"metrics.listen: '{config.metrics.listen}' found, expected an address and a port such as '127.0.0.1:9464'"
+    elif config.metrics.listen is not None and not config.metrics.plaintext and not _stays_here(f"tcp/{config.metrics.listen}"):
+        yield f"metrics.listen: '{config.metrics.listen}' leads out of this machine unprotected, expected the loopback, or plaintext = true"
+    file = config.metrics.file
+    if file is not None and not (file.startswith("/") and file.endswith(".prom")):
+        yield f"metrics.file: '{file}' found, expected an absolute path that ends in .prom, as node_exporter reads no other"
+    body = config.body
+    for index, radar in enumerate(config.radar):
+        if radar.bus not in buses:
+            yield f"radar[{index}].bus: no [[bus]] is named '{radar.bus}', found {known}"
+        rear, front, side = -body.rear_overhang, body.length - body.rear_overhang, body.width / 2
+        if not rear - BUMPER <= radar.x <= front + BUMPER or abs(radar.y) > side + BUMPER:
+            yield (
+                f"radar[{index}]: '{radar.name}' is mounted at x = {radar.x:g}, y = {radar.y:g} m, outside the car, "
+                f"which reaches from x = {rear:g} to {front:g} and y = {-side:g} to {side:g} m in base (see [body])"
+            )
+    if config.publish.tls is not None and config.publish.plaintext:
+        yield "publish.plaintext: found beside [publish.tls], expected one of them"
+    for key, endpoints in (("listen", config.publish.listen), ("connect", config.publish.connect)):
+        for endpoint in endpoints:
+            problem = _exposed(endpoint, config.publish)
+            if problem is not None:
+                yield f"publish.{key}: '{endpoint}' {problem}"
+
+
+def _exposed(endpoint: str, publish: Publish) -> str | None:
+    """What is wrong with an endpoint's protection, or None."""
+    if publish.tls is not None:
+        return None if endpoint.startswith("tls/") else "found beside [publish.tls], expected tls/HOST:PORT: others bring no certificate"
+    if endpoint.startswith("tls/"):
+        return "found, expected [publish.tls] with it"
+    if publish.plaintext or _stays_here(endpoint):
+        return None
+    return "leads out of this machine unprotected, expected tls/HOST:PORT and [publish.tls], or plaintext = true on a trusted network"
+
+
+def _stays_here(endpoint: str) -> bool:
+    protocol, _, address = endpoint.partition("/")
+    host = address.rpartition(":")[0].strip("[]")
+    try:
+        return protocol == "unixsock-stream" or host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:  # a name, or nothing that Zenoh knows
+        return False
