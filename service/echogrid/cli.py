@@ -1,21 +1,15 @@
-"""The command line: `echogrid run | status | replay | check | map | demo`."""
+"""The command line: `echogrid run | status | replay | check | map | demo`; what they do is in `commands`.
+
+A command is imported where it is run: `--help` need not wait for Zenoh and ONNX Runtime.
+"""
 
 from __future__ import annotations
 
 import argparse
-import json
 import logging
-import shutil
-import signal
 import sys
-import threading
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NoReturn
-
-import numpy as np
+from typing import NoReturn
 
 from echogrid import __version__
 from echogrid.config.tables import Publish
@@ -161,172 +155,70 @@ def _address(text: str) -> tuple[str, int]:
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    from echogrid.live.service import run  # Zenoh is loaded only where it is used
+    from echogrid.live.service import run
 
     run(arguments.config, arguments.model, arguments.record, arguments.foxglove)
 
 
 def _status(arguments: argparse.Namespace) -> None:
-    from echogrid.client import Client, Credentials  # Zenoh is loaded only where it is used
-    from echogrid.watching.status_text import as_json, lines, look, silence, watch
+    from echogrid.commands.status import command
 
-    view = as_json if arguments.json else lines
-    credentials = Credentials(*arguments.tls) if arguments.tls else None
-    with Client(arguments.endpoint, arguments.vehicle, credentials) as client, _screen(arguments.watch, plain=arguments.json) as show:
-        if arguments.watch:
-            interrupted = threading.Event()  # as an exception, Ctrl-C may be lost in a callback out of foreign code
-            signal.signal(signal.SIGINT, lambda *_: interrupted.set())
-            for document, seconds in watch(client):
-                if interrupted.is_set():
-                    raise KeyboardInterrupt
-                if document is not None:
-                    show(view(document, client.vehicle))
-                elif not arguments.json:
-                    show(silence(client.vehicle, seconds))
-        document = look(client)
-        show(view(document, client.vehicle))
-    if document.get("state") != "ok":
+    if not command(arguments.endpoint, arguments.vehicle, arguments.tls, going_on=arguments.watch, as_json=arguments.json):
         sys.exit(2)
 
 
 def _replay(arguments: argparse.Namespace) -> None:
-    from echogrid.commands.replay import replay
-    from echogrid.logs.drive import find_drive
+    from echogrid.commands.replay import command
 
-    drive = find_drive(arguments.drive, arguments.config)
-    with _progress(f"replay {arguments.drive.name}") as advance:
-        summary = replay(
-            drive,
-            arguments.out,
-            realtime=arguments.realtime,
-            model=arguments.model,
-            record=arguments.record,
-            store=arguments.store,
-            on_progress=advance,
-        )
-    _report(summary, arguments.out)
+    command(
+        arguments.drive,
+        arguments.config,
+        arguments.out,
+        realtime=arguments.realtime,
+        model=arguments.model,
+        record=arguments.record,
+        store=arguments.store,
+    )
 
 
 def _check(arguments: argparse.Namespace) -> None:
-    from echogrid.commands.check import check_log, render
-    from echogrid.config.loading import load_config
-    from echogrid.pipeline import Pipeline
+    from echogrid.commands.check import command
 
-    config = load_config(arguments.config)
-    readers = Pipeline(config, arguments.config).signals.readers
-    print(f"{arguments.config}: {len(config.radar)} radars and ego motion on {len(config.bus)} buses, {len(readers)} ids are read")
-    if arguments.log is None:
-        return
-    report = check_log(config, arguments.config, arguments.log)
-    print(render(report))
-    complaints = report.complaints()
-    if complaints:
-        raise EchogridError(f"{arguments.log}: " + "; ".join(complaints))
-    print(f"{arguments.log}: all is there")
+    command(arguments.config, arguments.log)
 
 
 def _demo(arguments: argparse.Namespace) -> None:
-    from echogrid.commands.demo import demo
-    from echogrid.maps.picture import text
+    from echogrid.commands.demo import command
 
-    with _progress("the demo drive, through the service") as advance:
-        summary = demo(arguments.out, arguments.model, advance)
-    if sys.stdout.isatty():
-        with np.load(arguments.out / "map.npz") as file:
-            print(text(file["log_odds"], columns=100))
-    _report(summary, arguments.out)
-    print(f"what the subscriber in the other process received: {arguments.out / 'received.png'}")
-    print(f"detections, analytic map, this map and truth side by side: {arguments.out / 'side_by_side.png'}")
+    command(arguments.out, arguments.model)
 
 
 def _map_info(arguments: argparse.Namespace) -> None:
-    from echogrid.maps.info import info, lines
+    from echogrid.commands.map import info_command
 
-    with _progress(f"reading {arguments.file.name}") as advance:
-        document = info(arguments.file, advance)
-    print(json.dumps(document) if arguments.json else "\n".join(lines(document, time.time())))
+    info_command(arguments.file, as_json=arguments.json)
 
 
 def _map_show(arguments: argparse.Namespace) -> None:
-    from echogrid.maps.picture import text
-    from echogrid.maps.show import show
+    from echogrid.commands.map import show_command
 
-    with _progress(f"reading {arguments.file.name}") as advance:
-        seen = show(arguments.file, epoch=arguments.epoch, out=arguments.out, force=arguments.force, on_progress=advance)
-    print(text(seen, columns=shutil.get_terminal_size((100, 0)).columns))
+    show_command(arguments.file, arguments.out, epoch=arguments.epoch, force=arguments.force)
 
 
 def _map_export(arguments: argparse.Namespace) -> None:
-    from echogrid.maps.export import export, parse_box
+    from echogrid.commands.map import export_command
 
-    box = None if arguments.bbox is None else parse_box(arguments.bbox)
-    options = {"epoch": arguments.epoch, "form": arguments.format, "mode": arguments.mode, "box": box, "force": arguments.force}
-    with _progress(f"export to {arguments.out.name}") as advance:
-        sentence = export(arguments.file, arguments.out, **options, on_progress=advance)
-    print(sentence)
+    options = {"epoch": arguments.epoch, "form": arguments.format, "mode": arguments.mode, "force": arguments.force}
+    export_command(arguments.file, arguments.out, bbox=arguments.bbox, **options)
 
 
 def _map_import(arguments: argparse.Namespace) -> None:
-    from echogrid.maps.importing import import_map
+    from echogrid.commands.map import import_command
 
-    with _progress(f"import of {arguments.file.name}") as advance:
-        sentence = import_map(arguments.file, arguments.out, vehicle=arguments.vehicle, force=arguments.force, on_progress=advance)
-    print(sentence)
+    import_command(arguments.file, arguments.out, vehicle=arguments.vehicle, force=arguments.force)
 
 
 def _map_merge(arguments: argparse.Namespace) -> None:
-    from echogrid.maps.merge import Input, merge
+    from echogrid.commands.map import merge_command
 
-    inputs = [Input.parse(text) for text in arguments.maps]
-    with _progress(f"merge into {arguments.out.name}") as advance:
-        sentence = merge(inputs, arguments.out, scheduler=arguments.scheduler, force=arguments.force, on_progress=advance)
-    print(sentence)
-
-
-def _report(summary: dict[str, Any], out: Path) -> None:
-    faster = summary["drive_s"] / max(summary["wall_s"], 1e-9)
-    scans = sum(counts["complete"] for counts in summary["scans"].values())
-    print(f"{summary['drive_s']:.1f} s and {summary['distance_m']:.0f} m driven, {scans} scans in {summary['cycles']} map updates")
-    print(f"{summary['wall_s']:.1f} s on this machine ({faster:.0f} times as fast), {summary['cycle_ms']['p50']:.1f} ms an update")
-    if "trajectory_rmse_m" in summary:
-        print(f"dead reckoning is {summary['trajectory_rmse_m']:.2f} m RMSE from the true positions")
-    print(f"map: {out / 'map.png'}, numbers: {out / 'summary.json'}")
-
-
-@contextmanager
-def _screen(live: bool, plain: bool) -> Iterator[Callable[[Sequence[Sequence[tuple[str, str]]]], None]]:
-    """Shows lines of (text, style); in colours, and where `live` over the last ones, on a terminal if the extra `terminal` is installed."""
-
-    def write(lines: Sequence[Sequence[tuple[str, str]]]) -> None:
-        print("\n".join("".join(text for text, _ in line) for line in lines), flush=True)
-
-    try:
-        from rich.console import Console
-        from rich.live import Live
-        from rich.text import Text
-    except ImportError:
-        yield write
-        return
-    console = Console()
-    if plain or not console.is_terminal:
-        yield write
-    elif live:
-        with Live(console=console, auto_refresh=False) as screen:
-            yield lambda lines: screen.update(Text("\n").join(Text.assemble(*line) for line in lines), refresh=True)
-    else:
-        yield lambda lines: console.print(Text("\n").join(Text.assemble(*line) for line in lines))
-
-
-@contextmanager
-def _progress(title: str) -> Iterator[Callable[[float], None] | None]:
-    """A bar on a terminal, if the extra `terminal` is installed; otherwise nothing."""
-    try:
-        from rich.console import Console
-        from rich.progress import Progress
-    except ImportError:
-        yield None
-        return
-    console = Console(stderr=True)
-    with Progress(console=console, disable=not console.is_terminal, transient=True) as bar:
-        task = bar.add_task(title, total=1.0)
-        yield lambda share: bar.update(task, completed=share)
+    merge_command(arguments.maps, arguments.out, scheduler=arguments.scheduler, force=arguments.force)

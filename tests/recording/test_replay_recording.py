@@ -16,7 +16,8 @@ from tests.support.foxglove_client import viewer
 
 from echogrid.cli import _address
 from echogrid.commands.demo import on_virtual_buses
-from echogrid.commands.replay import Recorder, replay
+from echogrid.commands.recorder import Recorder
+from echogrid.commands.replay import replay
 from echogrid.config.loading import load_config
 from echogrid.core.mapper import MapUpdate
 from echogrid.live.service import Service

@@ -20,7 +20,7 @@ import pytest
 
 from echogrid.can.signals import SignalReader
 from echogrid.client import Client
-from echogrid.commands.replay import Recorder
+from echogrid.commands.recorder import Recorder
 from echogrid.config.loading import load_config
 from echogrid.core.health import Health
 from echogrid.maps.map_files import sha256

@@ -1,4 +1,4 @@
-"""What a configuration and a recording are worth: rates, gaps, counters, complete scans per radar."""
+"""`echogrid check`: what a configuration and a recording are worth: rates, gaps, counters, complete scans per radar."""
 
 from __future__ import annotations
 
@@ -9,10 +9,28 @@ from pathlib import Path
 import numpy as np
 
 from echogrid.can.signals import SignalReader, bus_of
+from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
 from echogrid.core.health import Health
 from echogrid.core.messages import RadarScan, Speed
+from echogrid.errors import EchogridError
 from echogrid.logs.log import Log
+from echogrid.pipeline import Pipeline
+
+
+def command(config_path: Path, log: Path | None) -> None:
+    """Prints what was found. Raises EchogridError where the configuration or the log is not good."""
+    config = load_config(config_path)
+    readers = Pipeline(config, config_path).signals.readers
+    print(f"{config_path}: {len(config.radar)} radars and ego motion on {len(config.bus)} buses, {len(readers)} ids are read")
+    if log is None:
+        return
+    report = check_log(config, config_path, log)
+    print(render(report))
+    complaints = report.complaints()
+    if complaints:
+        raise EchogridError(f"{log}: " + "; ".join(complaints))
+    print(f"{log}: all is there")
 
 
 @dataclass(slots=True)

@@ -1,19 +1,14 @@
-"""`echogrid status`: what a running service says of itself, as lines for a terminal."""
+"""What a running service says of itself, as lines for a terminal."""
 
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 import msgspec
 
-from echogrid.client import Client
 from echogrid.errors import EchogridError
-
-PATIENCE = 5.0  # s: a status comes once a second, a connection may take some
-SILENT = 2.5  # s without a status: two of them did not come
 
 Line = list[tuple[str, str]]  # pieces of text, each with its style in rich's words, "" for none
 STYLES = {"ok": "bold green", "degraded": "bold yellow"}  # any other state is bold red
@@ -42,24 +37,6 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     sensors: dict[str, dict[str, Any]] = {}
     buses: dict[str, dict[str, Any]] = {}
     counters: dict[str, int] = {}  # all other whole numbers
-
-
-def look(client: Client) -> dict[str, Any]:
-    """The next status. Raises EchogridError where none comes."""
-    document = client.status(PATIENCE)
-    if document is None:
-        where = f"vehicle '{client.vehicle}' at {client.endpoint}"
-        raise EchogridError(f"{where}: no status within {PATIENCE:.0f} s, expected a service that listens there for this vehicle")
-    return document
-
-
-def watch(client: Client) -> Iterator[tuple[dict[str, Any] | None, float]]:
-    """Each status as it comes, or None where none does, and for how many seconds none has come. Without end."""
-    heard = time.monotonic()
-    while True:
-        document = client.status(SILENT)
-        heard = heard if document is None else time.monotonic()
-        yield document, time.monotonic() - heard
 
 
 def lines(document: Mapping[str, Any], vehicle: str) -> list[Line]:

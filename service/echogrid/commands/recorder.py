@@ -1,0 +1,121 @@
+"""What a drive through the chain leaves: the map's files, and a summary of it in numbers."""
+
+from __future__ import annotations
+
+import json
+import resource
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import can
+import numpy as np
+
+from echogrid.core.mapper import MapUpdate
+from echogrid.core.motion.odometry import EgoState
+from echogrid.logs.drive import Truth
+from echogrid.maps.map_files import write_map
+from echogrid.pipeline import Pipeline
+
+TRAJECTORY_STEP_NS = 20_000_000
+
+
+@dataclass(slots=True)
+class Recorder:
+    """Remembers what a summary needs: the trajectory in the newest map, the times of the cycles, the span of the log."""
+
+    pipeline: Pipeline
+    trajectory: list[EgoState] = field(default_factory=list)
+    epoch: int = 0  # of the trajectory's map
+    cycle_s: list[float] = field(default_factory=list)
+    first_s: float | None = None
+    last_s: float = 0.0
+    started: float = field(default_factory=time.perf_counter)
+
+    def add(self, bus: str, message: can.Message) -> MapUpdate | None:
+        """Passes the message on and notes what it did."""
+        before = time.perf_counter()
+        update = self.pipeline.add(bus, message)
+        if update is not None:
+            self.cycle_s.append(time.perf_counter() - before)
+        self.first_s = message.timestamp if self.first_s is None else self.first_s
+        self.last_s = max(self.last_s, message.timestamp)
+        states = self.pipeline.mapper.odometry.states
+        if self.pipeline.mapper.epoch != self.epoch:
+            self.epoch = self.pipeline.mapper.epoch
+            self.trajectory.clear()
+        if states and (not self.trajectory or states[-1].stamp_ns - self.trajectory[-1].stamp_ns >= TRAJECTORY_STEP_NS):
+            self.trajectory.append(states[-1])
+        return update
+
+    def write(self, out: Path, truth: Truth | None) -> dict[str, Any]:
+        """Ends the last cycle and writes all files into a folder, which is made; returns the summary."""
+        self.pipeline.mapper.end_cycle()
+        out.mkdir(parents=True, exist_ok=True)
+        digest = write_map(out, self.pipeline.mapper.map, self.trajectory)
+        summary = self._summary(digest, truth)
+        (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+        return summary
+
+    def _summary(self, digest: str, truth: Truth | None) -> dict[str, Any]:
+        health = self.pipeline.health
+        cycle_ms = np.array(self.cycle_s or [0.0]) * 1e3
+        state = self.pipeline.state(0)
+        summary: dict[str, Any] = {
+            "model": self.pipeline.model.why,
+            "state": state.name,
+            "reasons": state.reasons,
+            "epoch": self.epoch,
+            "drive_s": round(self.last_s - (self.first_s or 0.0), 3),
+            "wall_s": round(time.perf_counter() - self.started, 3),
+            "frames": health.frames,
+            "unknown_frames": health.unknown_frames,
+            "bad_frames": health.bad_frames,
+            "lost_frames": health.lost_frames,
+            "cycles": health.cycles,
+            "scans_without_pose": health.scans_without_pose,
+            "scans": {name: sensor.as_dict() for name, sensor in health.sensors.items()},
+            "detections": health.detections,
+            "static_detections": health.static_detections,
+            "distance_m": round(self.pipeline.mapper.odometry.distance, 2),
+            "cycle_ms": {
+                "p50": round(float(np.percentile(cycle_ms, 50)), 3),
+                "p99": round(float(np.percentile(cycle_ms, 99)), 3),
+                "max": round(float(cycle_ms.max()), 3),
+            },
+            "rss_mib": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),
+            "map_sha256": digest,
+        }
+        if truth is not None and self.trajectory:
+            summary["trajectory_rmse_m"] = round(rmse(self.trajectory, truth), 3)
+        return summary
+
+
+def rmse(trajectory: list[EgoState], truth: Truth) -> float:
+    """Root mean square distance (m) of dead reckoning from the true positions, both from the trajectory's first pose on."""
+    stamps = np.array([ego.stamp_ns for ego in trajectory])
+    ours = np.array([(ego.odom_from_base.x, ego.odom_from_base.y) for ego in trajectory])
+    inside = (stamps >= truth.stamp_ns[0]) & (stamps <= truth.stamp_ns[-1])
+    if not inside.any():
+        return float("nan")
+    # Relative to the first stamp: nanoseconds since 1970 do not fit a float64.
+    seconds = (stamps[inside] - truth.stamp_ns[0]) * 1e-9
+    true_seconds = (truth.stamp_ns - truth.stamp_ns[0]) * 1e-9
+    x, y, yaw = (np.interp(seconds, true_seconds, truth.poses[:, axis]) for axis in range(3))
+    first = trajectory[int(np.flatnonzero(inside)[0])].odom_from_base
+    turn = first.yaw - yaw[0]
+    c, s = np.cos(turn), np.sin(turn)
+    true = np.stack((c * (x - x[0]) - s * (y - y[0]) + first.x, s * (x - x[0]) + c * (y - y[0]) + first.y), axis=1)
+    return float(np.sqrt(((ours[inside] - true) ** 2).sum(axis=1).mean()))
+
+
+def report(summary: dict[str, Any], out: Path) -> None:
+    """Prints what a summary says, and where the files are."""
+    faster = summary["drive_s"] / max(summary["wall_s"], 1e-9)
+    scans = sum(counts["complete"] for counts in summary["scans"].values())
+    print(f"{summary['drive_s']:.1f} s and {summary['distance_m']:.0f} m driven, {scans} scans in {summary['cycles']} map updates")
+    print(f"{summary['wall_s']:.1f} s on this machine ({faster:.0f} times as fast), {summary['cycle_ms']['p50']:.1f} ms an update")
+    if "trajectory_rmse_m" in summary:
+        print(f"dead reckoning is {summary['trajectory_rmse_m']:.2f} m RMSE from the true positions")
+    print(f"map: {out / 'map.png'}, numbers: {out / 'summary.json'}")
