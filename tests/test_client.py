@@ -23,9 +23,13 @@ from echogrid.core.map.occupancy import OccupancyMap
 from echogrid.core.motion.odometry import EgoState
 from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
-from echogrid.topics import cdr
+from echogrid.topics.diagnostic_array import DiagnosticArray, encode_diagnostics
 from echogrid.topics.diagnostics import diagnostics
+from echogrid.topics.grids import Grid, decode_grid, encode_grid
+from echogrid.topics.points import Points, encode_points
+from echogrid.topics.poses import Odometry, encode_odometry
 from echogrid.topics.topic import DETECTIONS, KEY, META, Message
+from echogrid.zenoh.attachment import encode_attachment, encode_version
 from echogrid.zenoh.fleet import compress
 from echogrid.zenoh.publisher import Publisher, session_config
 from tests.support import messages
@@ -171,17 +175,17 @@ def test_an_endpoint_that_cannot_be(address: str) -> None:
 
 
 def test_malformed_payloads_are_counted_and_skipped(endpoint: str) -> None:
-    beside = cdr.encode_attachment(1, 5, bytes(16)) + cdr.encode_version(0, 1)
-    grid = cdr.encode_grid(cdr.Grid(5, "odom", 0.5, (0.0, 0.0), np.zeros((2, 2), dtype=np.int8)))
+    beside = encode_attachment(1, 5, bytes(16)) + encode_version(0, 1)
+    grid = encode_grid(Grid(5, "odom", 0.5, (0.0, 0.0), np.zeros((2, 2), dtype=np.int8)))
     good = {
         "grid/fused/full": grid,
         "grid/fused/key": grid,
         "grid/fused/fleet": compress(grid),
-        "odom": cdr.encode_odometry(cdr.Odometry(5, "odom", "base", SE2(0, 0, 0), 0.0, 0.0)),
-        "detections": cdr.encode_points(cdr.Points(5, "base", np.zeros((2, 3), dtype=np.float32))),
+        "odom": encode_odometry(Odometry(5, "odom", "base", SE2(0, 0, 0), 0.0, 0.0)),
+        "detections": encode_points(Points(5, "base", np.zeros((2, 3), dtype=np.float32))),
         "status": b'{"state": "running"}',
         "meta": b'{"vehicle": "car"}',
-        "diagnostics": cdr.encode_diagnostics(cdr.DiagnosticArray(5, "", ())),
+        "diagnostics": encode_diagnostics(DiagnosticArray(5, "", ())),
     }
     noise = (b"", b"\0", b"[1]", b'{"a": "\xff"}', b'{"a": 1', b'{"a": ' + b"[" * 100_000, bytes(1000), good["odom"] + b"!")
     with zenoh.open(session_config((endpoint,), (), sends=False)) as session, Client(endpoint) as client:
@@ -213,7 +217,7 @@ def test_malformed_payloads_are_counted_and_skipped(endpoint: str) -> None:
             count_after(publisher.delete, read)
             if name.startswith("grid/"):
                 count_after(lambda publisher=publisher, name=name: publisher.put(good[name]), read)  # of no known map
-                beside_next = cdr.encode_attachment(2, 5, bytes(16)) + cdr.encode_version(0, 2)
+                beside_next = encode_attachment(2, 5, bytes(16)) + encode_version(0, 2)
                 put = functools.partial(publisher.put, attachment=beside_next)
             put(good[name])
             assert read(PATIENCE) is not None
@@ -298,7 +302,7 @@ def test_follow_lays_updates_over_the_key_frame_that_they_name(endpoint: str) ->
 def test_the_stream_for_slow_links_is_made_only_for_those_who_listen(endpoint: str) -> None:
     random = np.random.default_rng(2)
     log_odds = random.uniform(-4, 4, (40, 50)).astype(np.float32) * (random.random((40, 50)) < 0.7)
-    sent = cdr.decode_grid(messages.grid(0, 0, 0, 0.5, log_odds).payload).occupancy
+    sent = decode_grid(messages.grid(0, 0, 0, 0.5, log_odds).payload).occupancy
     second = 10**9
     with publish(endpoint) as publisher, Client(endpoint) as client:
         publisher.put(messages.grid(second, 0, 0, 0.5, log_odds))
@@ -329,11 +333,11 @@ def test_the_stream_for_slow_links_can_be_turned_off(endpoint: str) -> None:
 
 
 def test_meta_comes_at_once_and_detections_as_they_are(endpoint: str) -> None:
-    points = cdr.Points(5, "base", np.array([[1.5, -2.0, 0.0]], np.float32))
+    points = Points(5, "base", np.array([[1.5, -2.0, 0.0]], np.float32))
     with publish(endpoint) as publisher, Client(endpoint) as client:
         publisher.put(Message(META, b'{"vehicle": "car"}', 1, 0, 0))
         assert client.meta(PATIENCE) == {"vehicle": "car"}
-        received = until(lambda: client.detections(0.02), lambda: publisher.put(Message(DETECTIONS, cdr.encode_points(points), 5, 0, 0)))
+        received = until(lambda: client.detections(0.02), lambda: publisher.put(Message(DETECTIONS, encode_points(points), 5, 0, 0)))
     assert (received.stamp_ns, received.frame) == (5, "base")
     np.testing.assert_array_equal(received.points, points.points)
 

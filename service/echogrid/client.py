@@ -16,8 +16,10 @@ import zenoh.ext
 from zenoh.handlers import RingChannel
 
 from echogrid.errors import EchogridError
-from echogrid.topics import cdr
-from echogrid.topics.cdr import DiagnosticArray, Points
+from echogrid.topics.diagnostic_array import DiagnosticArray, decode_diagnostics
+from echogrid.topics.grids import Grid, decode_grid, decode_update
+from echogrid.topics.points import Points, decode_points
+from echogrid.topics.poses import decode_odometry
 from echogrid.topics.topic import (
     ALIVE,
     DETECTIONS,
@@ -32,6 +34,7 @@ from echogrid.topics.topic import (
     UPDATE,
     Topic,
 )
+from echogrid.zenoh.attachment import decode_grid_attachment
 from echogrid.zenoh.credentials import Credentials
 from echogrid.zenoh.fleet import decompress
 from echogrid.zenoh.follower import Follower, KeyName, MapName, Window
@@ -128,7 +131,7 @@ class Client:
 
     def detections(self, timeout: float = 1.0) -> Points | None:
         """The radars' static detections that the newest update of the map was made of, in base."""
-        return self._newest(DETECTIONS, lambda sample: cdr.decode_points(bytes(sample.payload)), timeout)
+        return self._newest(DETECTIONS, lambda sample: decode_points(bytes(sample.payload)), timeout)
 
     def status(self, timeout: float = 2.0) -> dict[str, Any] | None:
         """The service's state; it is sent about once a second."""
@@ -140,7 +143,7 @@ class Client:
 
     def diagnostics(self, timeout: float = 2.0) -> DiagnosticArray | None:
         """The status as ROS knows it: a level and a message for the service, each radar, each bus and the motion. About once a second."""
-        return self._newest(DIAGNOSTICS, lambda sample: cdr.decode_diagnostics(bytes(sample.payload)), timeout)
+        return self._newest(DIAGNOSTICS, lambda sample: decode_diagnostics(bytes(sample.payload)), timeout)
 
     def alive(self) -> bool:
         """Whether the vehicle's service is running and connected, as far as anyone knows within a second."""
@@ -171,12 +174,12 @@ class Client:
             return None
 
     def _take_key(self, sample: zenoh.Sample) -> bool:
-        grid, name = cdr.decode_grid(bytes(sample.payload)), _key_name(sample)
+        grid, name = decode_grid(bytes(sample.payload)), _key_name(sample)
         self._follower.key(name, grid)
         return True
 
     def _take_update(self, sample: zenoh.Sample) -> bool:
-        update, name = cdr.decode_update(bytes(sample.payload)), _key_name(sample)
+        update, name = decode_update(bytes(sample.payload)), _key_name(sample)
         self._follower.update(name, update)
         return True
 
@@ -201,19 +204,19 @@ class Client:
 def _key_name(sample: zenoh.Sample) -> KeyName:
     if sample.attachment is None:
         raise ValueError("a grid without an attachment is of no known map")
-    _, _, source, epoch, number = cdr.decode_grid_attachment(bytes(sample.attachment))
+    _, _, source, epoch, number = decode_grid_attachment(bytes(sample.attachment))
     return KeyName(MapName(source, epoch), number)
 
 
 def _window(sample: zenoh.Sample) -> Window:
-    return _named(cdr.decode_grid(bytes(sample.payload)), sample)
+    return _named(decode_grid(bytes(sample.payload)), sample)
 
 
 def _packed_window(sample: zenoh.Sample) -> Window:
-    return _named(cdr.decode_grid(decompress(bytes(sample.payload))), sample)
+    return _named(decode_grid(decompress(bytes(sample.payload))), sample)
 
 
-def _named(grid: cdr.Grid, sample: zenoh.Sample) -> Window:
+def _named(grid: Grid, sample: zenoh.Sample) -> Window:
     return Window(grid.stamp_ns, grid.frame, grid.cell, grid.origin, grid.occupancy, _key_name(sample).map)
 
 
@@ -222,7 +225,7 @@ def _object(sample: zenoh.Sample) -> dict[str, Any]:
 
 
 def _pose(sample: zenoh.Sample) -> Pose:
-    odometry = cdr.decode_odometry(bytes(sample.payload))
+    odometry = decode_odometry(bytes(sample.payload))
     pose = odometry.pose
     return Pose(odometry.stamp_ns, pose.x, pose.y, pose.yaw, odometry.speed, odometry.yaw_rate)
 

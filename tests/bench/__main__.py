@@ -45,8 +45,8 @@ from echogrid.model.choice import SHIPPED, shipped
 from echogrid.model.network import OnnxSensorModel
 from echogrid.pipeline import Pipeline
 from echogrid.store import tile_data
-from echogrid.topics import cdr
 from echogrid.topics.announcer import Announcer, Snapshots, occupancy_percent
+from echogrid.topics.grids import Grid, encode_grid
 from echogrid_training.drives import campaign
 from echogrid_training.drives.samples import samples
 from tests.support.frames import frame, radar_cycle
@@ -200,9 +200,9 @@ def keeping() -> dict[str, float]:
     np.savez_compressed(zipped, **arrays)
     window = pipeline.mapper.map.around(update.ego.odom_from_base, config.publish.window_cells)
     percent = occupancy_percent(window[2])
-    grid = cdr.Grid(update.ego.stamp_ns, "odom", config.grid.cell, (0.0, 0.0), percent)
+    grid = Grid(update.ego.stamp_ns, "odom", config.grid.cell, (0.0, 0.0), percent)
     store = get_typestore(Stores.ROS2_JAZZY)
-    other = store.deserialize_cdr(cdr.encode_grid(grid), "nav_msgs/msg/OccupancyGrid")
+    other = store.deserialize_cdr(encode_grid(grid), "nav_msgs/msg/OccupancyGrid")
     snapshots = Snapshots()
     snapshot = snapshots.take(pipeline.mapper, update, config.publish)
     assert snapshot is not None
@@ -214,7 +214,7 @@ def keeping() -> dict[str, float]:
         "bytes to tile, numpy.load": median_us(lambda: dict(np.load(io.BytesIO(zipped.getvalue()))), repeats=50),
         "size in KiB, ours": len(packed) / 1024,
         "size in KiB, numpy.savez_compressed": len(zipped.getvalue()) / 1024,
-        "grid to CDR, ours": median_us(lambda: cdr.encode_grid(grid)),
+        "grid to CDR, ours": median_us(lambda: encode_grid(grid)),
         "grid to CDR, rosbags": median_us(lambda: store.serialize_cdr(other, "nav_msgs/msg/OccupancyGrid")),
         "all messages of a map": median_us(lambda: list(announcer.map(snapshot))),
     }

@@ -30,8 +30,8 @@ from echogrid.core.motion.se2 import SE2
 from echogrid.logs.drive import Drive, find_drive
 from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
-from echogrid.topics import cdr
 from echogrid.topics.announcer import Announcer, Snapshot
+from echogrid.zenoh.attachment import decode_grid_attachment
 from echogrid.zenoh.map_reader import MapReader
 from echogrid.zenoh.publisher import Publisher, session_config
 from echogrid.zenoh.region import Regions
@@ -108,7 +108,7 @@ def watch(address: str) -> None:
                 time.sleep(0.001)
                 continue
             name = str(sample.key_expr)
-            came.setdefault(name, []).append(cdr.decode_grid_attachment(bytes(sample.attachment))[0])
+            came.setdefault(name, []).append(decode_grid_attachment(bytes(sample.attachment))[0])
         print(json.dumps(came), flush=True)
 
 

@@ -32,7 +32,11 @@ from echogrid.maps.dense_map import read_npz
 from echogrid.model.network import OnnxSensorModel
 from echogrid.pipeline import Pipeline
 from echogrid.store.tile_store import TileStore
-from echogrid.topics import cdr
+from echogrid.topics.diagnostic_array import decode_diagnostics
+from echogrid.topics.grids import decode_grid, decode_update, encode_grid, encode_update
+from echogrid.topics.points import decode_points, encode_points
+from echogrid.topics.poses import decode_odometry, decode_transforms, encode_odometry, encode_transforms
+from echogrid.zenoh.attachment import decode_attachment, decode_grid_attachment
 from echogrid.zenoh.fleet import decompress
 from tests.support import frames, networks
 
@@ -213,26 +217,26 @@ def pgm(data: bytes) -> None:
 def wire(data: bytes) -> None:
     """What comes over Zenoh; what is taken goes back to the same bytes or at least to the same meaning."""
     with suppress(ValueError):
-        grid = cdr.decode_grid(data)
-        back = cdr.decode_grid(cdr.encode_grid(grid))
+        grid = decode_grid(data)
+        back = decode_grid(encode_grid(grid))
         assert (back.stamp_ns, back.frame, back.origin) == (grid.stamp_ns, grid.frame, grid.origin)
         assert (back.occupancy == grid.occupancy).all()
     with suppress(ValueError):
-        odometry = cdr.decode_odometry(data)
-        assert cdr.decode_odometry(cdr.encode_odometry(odometry)).stamp_ns == odometry.stamp_ns
+        odometry = decode_odometry(data)
+        assert decode_odometry(encode_odometry(odometry)).stamp_ns == odometry.stamp_ns
     with suppress(ValueError):
-        cdr.decode_diagnostics(data)
+        decode_diagnostics(data)
     with suppress(ValueError):
-        update = cdr.decode_update(data)
-        assert (cdr.decode_update(cdr.encode_update(update)).occupancy == update.occupancy).all()
+        update = decode_update(data)
+        assert (decode_update(encode_update(update)).occupancy == update.occupancy).all()
     with suppress(ValueError):
-        assert len(cdr.decode_transforms(cdr.encode_transforms(transforms := cdr.decode_transforms(data)))) == len(transforms)
+        assert len(decode_transforms(encode_transforms(transforms := decode_transforms(data)))) == len(transforms)
     with suppress(ValueError):
-        points = cdr.decode_points(data)
-        assert (cdr.decode_points(cdr.encode_points(points)).points == points.points).all()
+        points = decode_points(data)
+        assert (decode_points(encode_points(points)).points == points.points).all()
     with suppress(ValueError):
         decompress(data)
-    for attachment in (cdr.decode_attachment, cdr.decode_grid_attachment):
+    for attachment in (decode_attachment, decode_grid_attachment):
         with suppress(ValueError):
             attachment(data)
     with suppress(ValueError):

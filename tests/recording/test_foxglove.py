@@ -13,7 +13,7 @@ from tests.support.mcap_files import decoder
 from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
 from echogrid.recording.foxglove import Foxglove
-from echogrid.topics.cdr import Odometry, encode_odometry
+from echogrid.topics.poses import Odometry, encode_odometry
 from echogrid.topics.topic import META, ODOMETRY, STATUS, TOPICS, Message
 
 STAMP_NS = 1732547000_123456789

@@ -32,7 +32,7 @@ from echogrid.recording import mcap_recorder, mcap_writer
 from echogrid.recording.mcap_recorder import FRAME_BYTES, McapRecorder
 from echogrid.recording.mcap_writer import McapWriter
 from echogrid.topics.can_frame import LONGEST_NAME, encode_frame
-from echogrid.topics.cdr import Odometry, encode_odometry
+from echogrid.topics.poses import Odometry, encode_odometry
 from echogrid.topics.ros_definitions import CAN_FRAME, definition
 from echogrid.topics.topic import FULL, META, ODOMETRY, Message
 

@@ -24,9 +24,11 @@ from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
 from echogrid.live.service import Service
 from echogrid.pipeline import Pipeline
-from echogrid.topics import cdr
 from echogrid.topics.announcer import Announcer, Snapshots
+from echogrid.topics.diagnostic_array import decode_diagnostics
 from echogrid.topics.diagnostics import diagnostics
+from echogrid.topics.points import decode_points
+from echogrid.topics.poses import decode_odometry, decode_transforms
 from echogrid.topics.topic import DETECTIONS, DIAGNOSTICS, ODOMETRY, STATUS, TOPICS, TRANSFORM, Message
 
 MS = 1_000_000
@@ -58,12 +60,12 @@ def test_what_is_said_of_the_car_is_the_updates(pipeline: Pipeline) -> None:
     assert snapshot is not None
     told = {message.topic: message for message in Announcer(pipeline.config, "").map(snapshot)}
     assert {(message.stamp_ns, message.epoch) for message in told.values()} == {(77, 3)}
-    odometry = cdr.decode_odometry(told[ODOMETRY].payload)
-    (transform,) = cdr.decode_transforms(told[TRANSFORM].payload)
+    odometry = decode_odometry(told[ODOMETRY].payload)
+    (transform,) = decode_transforms(told[TRANSFORM].payload)
     assert (odometry.frame, odometry.child_frame, odometry.speed, odometry.yaw_rate) == ("odom", "base", -1.5, 0.25)
     assert (transform.frame, transform.child_frame, transform.pose) == ("odom", "base", odometry.pose)
     assert (odometry.pose.x, odometry.pose.y, odometry.pose.yaw) == pytest.approx((1.0, 2.0, 0.5))
-    detections = cdr.decode_points(told[DETECTIONS].payload)
+    detections = decode_points(told[DETECTIONS].payload)
     assert detections.frame == "base"
     np.testing.assert_allclose(detections.points, [[1.5, -2.0, 0], [30.0, 0.25, 0]])
 
@@ -72,7 +74,7 @@ def test_status_goes_to_programs_and_to_ros(pipeline: Pipeline) -> None:
     sent = status("degraded", "radar rear_right: late")
     told = {message.topic: message for message in Announcer(pipeline.config, "").status(sent, 78)}
     assert json.loads(told[STATUS].payload) == json.loads(json.dumps(sent))
-    assert cdr.decode_diagnostics(told[DIAGNOSTICS].payload) == diagnostics(sent, pipeline.config.vehicle, 78)
+    assert decode_diagnostics(told[DIAGNOSTICS].payload) == diagnostics(sent, pipeline.config.vehicle, 78)
     assert {message.epoch for message in told.values()} == {sent["epoch"]}
 
 

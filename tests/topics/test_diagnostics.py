@@ -13,7 +13,7 @@ from echogrid.core.motion.se2 import SE2
 from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.static_gate import GateNoise
 from echogrid.core.trust.watch import Watch
-from echogrid.topics.cdr import encode_diagnostics
+from echogrid.topics.diagnostic_array import encode_diagnostics
 from echogrid.topics.diagnostics import diagnostics
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)

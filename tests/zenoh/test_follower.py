@@ -17,8 +17,8 @@ from echogrid.core.map.map_delta import Rectangle, around
 from echogrid.logs.drive import find_drive
 from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
-from echogrid.topics import cdr
 from echogrid.topics.announcer import Announcer, Snapshots, occupancy_percent
+from echogrid.topics.grids import Grid, GridUpdate, decode_grid, decode_update
 from echogrid.topics.topic import FULL, KEY, UPDATE, Message
 from echogrid.zenoh.follower import Follower, KeyName, MapName, Window
 
@@ -88,9 +88,9 @@ class Receiver:
                 continue
             self.seen.add(number)
             if topic is KEY:
-                self.follower.key(name, cdr.decode_grid(message.payload))
+                self.follower.key(name, decode_grid(message.payload))
             else:
-                self.follower.update(name, cdr.decode_update(message.payload))
+                self.follower.update(name, decode_update(message.payload))
         window = self.follower.window()
         if window is not None:
             self.held.append((number, window))
@@ -100,7 +100,7 @@ class Receiver:
         if anew:
             self.follower = Follower()
         if self.last_key is not None:
-            self.follower.key(self.last_key[0], cdr.decode_grid(self.last_key[1]))
+            self.follower.key(self.last_key[0], decode_grid(self.last_key[1]))
 
 
 def check(receiver: Receiver, drive: list[Step]) -> int:
@@ -118,7 +118,7 @@ def check(receiver: Receiver, drive: list[Step]) -> int:
 def test_the_whole_window_is_the_map_around_the_car(drive: list[Step]) -> None:
     """What the rest is held against is what goes out as grid/fused/full."""
     for step in drive:
-        grid = cdr.decode_grid(step.messages[FULL.name].payload)
+        grid = decode_grid(step.messages[FULL.name].payload)
         np.testing.assert_array_equal(grid.occupancy, step.fresh(grid.origin, grid.occupancy.shape))
     assert len(drive) > 700  # ten a second
 
@@ -180,10 +180,10 @@ def test_a_receiver_that_lays_updates_over_each_other_has_the_map_too(drive: lis
     current = 0
     for step in drive:
         if KEY.name in step.messages:
-            key = cdr.decode_grid(step.messages[KEY.name].payload)
+            key = decode_grid(step.messages[KEY.name].payload)
             cells = key.occupancy.copy()
         elif chance.random() < 0.5:
-            update = cdr.decode_update(step.messages[UPDATE.name].payload)
+            update = decode_update(step.messages[UPDATE.name].payload)
             height, width = update.occupancy.shape
             cells[update.y : update.y + height, update.x : update.x + width] = update.occupancy
         else:
@@ -205,7 +205,7 @@ def test_key_frames_come_once_a_second_and_where_the_window_moves_or_a_map_begin
             continue
         if before is not None:
             assert message.keyframe == before.keyframe + 1
-            moved = cdr.decode_grid(message.payload).origin != cdr.decode_grid(before.payload).origin
+            moved = decode_grid(message.payload).origin != decode_grid(before.payload).origin
             assert moved or message.epoch != before.epoch or message.stamp_ns - before.stamp_ns >= 1e9
         before = message
 
@@ -213,11 +213,11 @@ def test_key_frames_come_once_a_second_and_where_the_window_moves_or_a_map_begin
 def test_an_update_beyond_its_key_frame_is_refused_and_the_next_taken() -> None:
     name = KeyName(MapName(bytes(16), 0), 1)
     follower = Follower()
-    follower.key(name, cdr.Grid(1, "odom", 0.5, (0.0, 0.0), np.zeros((4, 4), np.int8)))
-    follower.update(name, cdr.GridUpdate(2, "odom", 3, 0, np.ones((1, 2), np.int8)))
+    follower.key(name, Grid(1, "odom", 0.5, (0.0, 0.0), np.zeros((4, 4), np.int8)))
+    follower.update(name, GridUpdate(2, "odom", 3, 0, np.ones((1, 2), np.int8)))
     with pytest.raises(ValueError, match="beyond its key frame"):
         follower.window()
-    follower.update(name, cdr.GridUpdate(3, "odom", 2, 3, np.ones((1, 2), np.int8)))
+    follower.update(name, GridUpdate(3, "odom", 2, 3, np.ones((1, 2), np.int8)))
     window = follower.window()
     assert window is not None
     assert window.stamp_ns == 3

@@ -27,9 +27,11 @@ from echogrid.core.health import Health
 from echogrid.core.motion.odometry import EgoState
 from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
-from echogrid.topics import cdr
 from echogrid.topics.announcer import occupancy_percent
+from echogrid.topics.diagnostic_array import DiagnosticArray, DiagnosticStatus, Level
+from echogrid.topics.grids import decode_grid
 from echogrid.topics.topic import KEY
+from echogrid.zenoh.attachment import decode_attachment, decode_grid_attachment
 from echogrid.zenoh.publisher import Publisher, session_config
 
 PATIENCE = 40.0  # s: far beyond what anything here takes
@@ -155,13 +157,13 @@ def test_status_on_the_wire(port: int) -> None:
 
 
 def test_diagnostics_on_the_wire(port: int) -> None:
-    part = cdr.DiagnosticStatus(cdr.Level.WARN, "echogrid: radar fl", "silent for 1.2 s", "fl", {"late": "3"})
-    array = cdr.DiagnosticArray(EGO.stamp_ns, "", (part,))
+    part = DiagnosticStatus(Level.WARN, "echogrid: radar fl", "silent for 1.2 s", "fl", {"late": "3"})
+    array = DiagnosticArray(EGO.stamp_ns, "", (part,))
     with publish(port) as publisher, subscribed(port, "echogrid/v1/car/diagnostics") as subscriber:
         sample = receive(subscriber, lambda: publisher.put(messages.diagnostics(array)))
         assert str(sample.encoding) == "application/cdr;diagnostic_msgs/msg/DiagnosticArray"
         assert sample.attachment is not None
-        assert cdr.decode_attachment(bytes(sample.attachment))[1] == EGO.stamp_ns
+        assert decode_attachment(bytes(sample.attachment))[1] == EGO.stamp_ns
         message = get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr(bytes(sample.payload), "diagnostic_msgs/msg/DiagnosticArray")
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1_700_000_000, 1)
     (status,) = message.status
@@ -196,8 +198,8 @@ def test_attachment_counts_and_names_its_source_and_the_map(port: int) -> None:
             publisher.put(messages.odometry(EgoState(stamp_ns, EGO.odom_from_base, 0.0, 0.0)))
 
     found = attachments(port, "echogrid/v1/car/**", send, 6)
-    odometry = [cdr.decode_attachment(attachment) for attachment in found[ODOMETRY]]
-    keyframes = [cdr.decode_grid_attachment(attachment) for attachment in found["echogrid/v1/car/grid/fused/key"]]
+    odometry = [decode_attachment(attachment) for attachment in found[ODOMETRY]]
+    keyframes = [decode_grid_attachment(attachment) for attachment in found["echogrid/v1/car/grid/fused/key"]]
     gid = odometry[0][2]
     assert odometry == [(1, 7, gid), (2, 8, gid), (3, 9, gid)]
     assert keyframes == [(1, 7, gid, 2, 8), (2, 8, gid, 2, 9), (3, 9, gid, 2, 10)]
@@ -213,7 +215,7 @@ def test_to_ros_the_attachment_is_rmw_zenohs_and_of_each_publisher(port: int) ->
 
     found = attachments(port, "0/**", send, 2)
     assert sorted(key.split("/")[2] for key in found) == ["map", "odom"]
-    told = [cdr.decode_attachment(attachment) for (attachment,) in found.values()]
+    told = [decode_attachment(attachment) for (attachment,) in found.values()]
     assert [(sequence, stamp_ns) for sequence, stamp_ns, _ in told] == [(1, 7), (1, 7)]
     assert told[0][2] != told[1][2]
 
@@ -325,7 +327,7 @@ def test_a_frozen_subscriber_delays_nobody(port: int) -> None:
                 publisher.put(messages.grid(stamp_ns, 0, 0, 0.25, log_odds))
                 longest = max(longest, time.monotonic() - started)
                 while (sample := subscriber.try_recv()) is not None:
-                    newest = cdr.decode_grid(bytes(sample.payload)).stamp_ns
+                    newest = decode_grid(bytes(sample.payload)).stamp_ns
                 if newest >= 48 or time.monotonic() > deadline:
                     break
         finally:

@@ -25,8 +25,8 @@ from echogrid.core.map.map_delta import Rectangle
 from echogrid.core.map.tile import SIDE
 from echogrid.errors import EchogridError
 from echogrid.pipeline import Pipeline
-from echogrid.topics import cdr
 from echogrid.topics.announcer import occupancy_percent
+from echogrid.topics.grids import decode_grid
 from echogrid.zenoh.map_reader import MapReader
 from echogrid.zenoh.publisher import Publisher, session_config
 from echogrid.zenoh.region import MOST_CELLS, MOST_WAITING, Regions, region_cells, tile_cells
@@ -113,7 +113,7 @@ def test_a_region_is_the_map_there_whole_and_packed(endpoint: str, pipeline: Pip
         assert str(whole.ok.encoding) == "application/cdr;nav_msgs/msg/OccupancyGrid"
         assert str(packed.ok.encoding) == "application/cdr+zstd;nav_msgs/msg/OccupancyGrid"
         assert len(bytes(packed.ok.payload)) < len(bytes(whole.ok.payload)) / 2
-        grid = cdr.decode_grid(bytes(tile.ok.payload))
+        grid = decode_grid(bytes(tile.ok.payload))
         assert grid.origin == (0.0, -SIDE * CELL)
         np.testing.assert_array_equal(grid.occupancy, occupancy_percent(occupancy.window(-SIDE, 0, SIDE, SIDE)))
         assert (grid.occupancy > 80).any()

@@ -23,9 +23,12 @@ from tests.support import messages
 from echogrid.config.tables import Publish, Ros
 from echogrid.core.motion.odometry import EgoState
 from echogrid.core.motion.se2 import SE2
-from echogrid.topics import cdr
+from echogrid.topics.grids import GridUpdate, encode_update
+from echogrid.topics.points import Points, encode_points
+from echogrid.topics.poses import Transform, encode_transforms
 from echogrid.topics.topic import DETECTIONS, KEY, TOPICS, TRANSFORM, UPDATE, Message
 from echogrid.zenoh import ros
+from echogrid.zenoh.attachment import decode_attachment
 from echogrid.zenoh.publisher import Publisher, session_config
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -103,7 +106,7 @@ def test_a_node_that_comes_late_gets_the_map_as_rmw_zenoh_asks_for_it(port: int,
             while (sample := subscriber.try_recv()) is None and time.monotonic() < deadline:
                 time.sleep(0.001)
     assert sample is not None
-    sequence, stamp_ns, gid = cdr.decode_attachment(bytes(sample.attachment))
+    sequence, stamp_ns, gid = decode_attachment(bytes(sample.attachment))
     token = ros.publisher_token(settings, str(sample.timestamp.get_id()), 1, KEY)
     assert (sequence, stamp_ns, gid) == (2, 42, ros.gid(token))
     message = STORE.deserialize_cdr(bytes(sample.payload), "nav_msgs/msg/OccupancyGrid")
@@ -187,13 +190,13 @@ def place_messages(folder: Path) -> None:
 def everything(stamp_ns: int) -> list[Message]:
     """One message of each topic that moves."""
     pose = SE2(3.0, -4.0, 0.5)
-    update = cdr.GridUpdate(stamp_ns, "odom", 1, 0, np.array([[7, 8]], np.int8))
-    points = cdr.Points(stamp_ns, "base", np.array([[1, 2, 0]], np.float32))
+    update = GridUpdate(stamp_ns, "odom", 1, 0, np.array([[7, 8]], np.int8))
+    points = Points(stamp_ns, "base", np.array([[1, 2, 0]], np.float32))
     return [
         messages.odometry(EgoState(stamp_ns, pose, 8.5, -0.125)),
-        Message(UPDATE, cdr.encode_update(update), stamp_ns, 0, 1),
-        Message(TRANSFORM, cdr.encode_transforms((cdr.Transform(stamp_ns, "odom", "base", pose),)), stamp_ns, 0, 0),
-        Message(DETECTIONS, cdr.encode_points(points), stamp_ns, 0, 0),
+        Message(UPDATE, encode_update(update), stamp_ns, 0, 1),
+        Message(TRANSFORM, encode_transforms((Transform(stamp_ns, "odom", "base", pose),)), stamp_ns, 0, 0),
+        Message(DETECTIONS, encode_points(points), stamp_ns, 0, 0),
     ]
 
 

@@ -26,7 +26,7 @@ from echogrid.client import Client
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Publish, Ros, Tls
 from echogrid.errors import EchogridError
-from echogrid.topics import cdr
+from echogrid.topics.grids import Grid, decode_grid, encode_grid
 from echogrid.topics.topic import ALIVE, FULL, KEY, REGION, STATUS, TILE
 from echogrid.zenoh.credentials import Credentials
 from echogrid.zenoh.publisher import Publisher, key, session_config
@@ -96,7 +96,7 @@ class Intruder:
         self.subscribers += [
             zenoh.ext.declare_advanced_subscriber(session, name, zenoh.handlers.DefaultHandler(), history=history) for name in GRIDS
         ]
-        fake = cdr.encode_grid(cdr.Grid(FAKE_NS, "odom", 0.5, (0.0, 0.0), np.zeros((2, 2), np.int8)))
+        fake = encode_grid(Grid(FAKE_NS, "odom", 0.5, (0.0, 0.0), np.zeros((2, 2), np.int8)))
         self.lies = {**dict.fromkeys(GRIDS, fake), key("car", STATUS.name): b'{"state": "fake"}'}
         asked = (*GRIDS, key("car", REGION), key("car", f"{TILE}/*/*"))
         self.queryables = [session.declare_queryable(name, zenoh.handlers.RingChannel(1)) for name in asked]
@@ -195,7 +195,7 @@ def test_by_default_nothing_can_be_found_from_outside(port: int) -> None:
 
 
 def stamp_of(sample: zenoh.Sample) -> int:
-    return cdr.decode_grid(bytes(sample.payload)).stamp_ns
+    return decode_grid(bytes(sample.payload)).stamp_ns
 
 
 def test_a_program_on_this_machine_may_look_and_not_touch(port: int) -> None:

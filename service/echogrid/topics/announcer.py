@@ -16,8 +16,11 @@ from echogrid.core.map.map_delta import NOTHING, Rectangle, around, changed, key
 from echogrid.core.map.tile import SIDE
 from echogrid.core.map.tiled_map import LogOdds
 from echogrid.core.mapper import Mapper, MapUpdate
-from echogrid.topics import cdr
+from echogrid.topics.diagnostic_array import encode_diagnostics
 from echogrid.topics.diagnostics import diagnostics
+from echogrid.topics.grids import Grid, GridUpdate, encode_grid, encode_update
+from echogrid.topics.points import Points, encode_points
+from echogrid.topics.poses import Odometry, Transform, encode_odometry, encode_transforms
 from echogrid.topics.topic import DETECTIONS, DIAGNOSTICS, FULL, KEY, META, ODOMETRY, STATUS, TOPICS, TRANSFORM, UPDATE, Message, Topic
 
 MAP_FRAME, CAR_FRAME = "odom", "base"
@@ -77,13 +80,13 @@ class Announcer:
         def message(topic: Topic, payload: bytes, keyframe: int = 0) -> Message:
             return Message(topic, payload, stamp_ns, epoch, keyframe)
 
-        odometry = cdr.Odometry(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base, ego.speed, ego.yaw_rate)
-        yield message(ODOMETRY, cdr.encode_odometry(odometry))
-        transform = cdr.Transform(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base)
-        yield message(TRANSFORM, cdr.encode_transforms((transform,)))
+        odometry = Odometry(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base, ego.speed, ego.yaw_rate)
+        yield message(ODOMETRY, encode_odometry(odometry))
+        transform = Transform(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base)
+        yield message(TRANSFORM, encode_transforms((transform,)))
         points = np.zeros((len(snapshot.update.static_points), 3), dtype=np.float32)
         points[:, :2] = snapshot.update.static_points
-        yield message(DETECTIONS, cdr.encode_points(cdr.Points(stamp_ns, CAR_FRAME, points)))
+        yield message(DETECTIONS, encode_points(Points(stamp_ns, CAR_FRAME, points)))
         seen = occupancy_percent(snapshot.log_odds)
         key = key_window(snapshot.window)
         cells = seen[key.within(snapshot.seen)]
@@ -94,14 +97,14 @@ class Announcer:
         else:
             self._differed = self._differed.joined(changed(self._key_cells, cells))
             x, y = self._differed.column, self._differed.row
-            update = cdr.GridUpdate(stamp_ns, MAP_FRAME, x, y, cells[self._differed.within(Rectangle(0, 0, *cells.shape))])
-            yield message(UPDATE, cdr.encode_update(update), self.keyframe)
+            update = GridUpdate(stamp_ns, MAP_FRAME, x, y, cells[self._differed.within(Rectangle(0, 0, *cells.shape))])
+            yield message(UPDATE, encode_update(update), self.keyframe)
         yield message(FULL, self._grid(stamp_ns, snapshot.window, seen[snapshot.window.within(snapshot.seen)]))
 
     def status(self, status: Mapping[str, Any], stamp_ns: int) -> Iterator[Message]:
         """The service's status, taken at `stamp_ns`, for programs and for ROS."""
         yield Message(STATUS, msgspec.json.encode(status), stamp_ns, status["epoch"], 0)
-        yield Message(DIAGNOSTICS, cdr.encode_diagnostics(diagnostics(status, self.config.vehicle, stamp_ns)), stamp_ns, status["epoch"], 0)
+        yield Message(DIAGNOSTICS, encode_diagnostics(diagnostics(status, self.config.vehicle, stamp_ns)), stamp_ns, status["epoch"], 0)
 
     def meta(self, stamp_ns: int) -> Message:
         """What does not change while the service runs."""
@@ -124,7 +127,7 @@ class Announcer:
 
     def _grid(self, stamp_ns: int, window: Rectangle, cells: NDArray[np.int8]) -> bytes:
         cell = self.config.grid.cell
-        return cdr.encode_grid(cdr.Grid(stamp_ns, MAP_FRAME, cell, (window.column * cell, window.row * cell), cells))
+        return encode_grid(Grid(stamp_ns, MAP_FRAME, cell, (window.column * cell, window.row * cell), cells))
 
 
 def occupancy_percent(log_odds: LogOdds) -> NDArray[np.int8]:

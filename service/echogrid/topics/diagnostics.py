@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from echogrid.topics.cdr import DiagnosticArray, DiagnosticStatus, Level
+from echogrid.topics.diagnostic_array import DiagnosticArray, DiagnosticStatus, Level
 
 LEVELS = {"ok": Level.OK, "degraded": Level.WARN, "no_motion": Level.ERROR, "stale": Level.STALE, "stopped": Level.ERROR}
 PROGRAM = "echogrid"  # diagnostic_aggregator groups by what stands before the colon

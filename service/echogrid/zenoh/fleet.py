@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import zstandard
 
-from echogrid.topics import cdr
+from echogrid.topics.grids import Grid, decode_grid, encode_grid
 from echogrid.topics.topic import FLEET, Message
 
 STEP = 25  # percent
@@ -29,11 +29,11 @@ class Fleet:
     def message(self, full: Message) -> Message:
         """Of a whole window."""
         self.made_ns = full.stamp_ns
-        payload = compress(cdr.encode_grid(quantised(cdr.decode_grid(full.payload))))
+        payload = compress(encode_grid(quantised(decode_grid(full.payload))))
         return Message(FLEET, payload, full.stamp_ns, full.epoch, 0)
 
 
-def quantised(grid: cdr.Grid) -> cdr.Grid:
+def quantised(grid: Grid) -> Grid:
     """The same with every known cell rounded to 0, 25, 50, 75 or 100 percent."""
     known = (grid.occupancy + np.int8(STEP // 2)) // np.int8(STEP) * np.int8(STEP)
     return replace(grid, occupancy=np.where(grid.occupancy < 0, np.int8(-1), known))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from echogrid.topics.cdr import Grid, GridUpdate
+from echogrid.topics.grids import Grid, GridUpdate
 
 
 class MapName(NamedTuple):

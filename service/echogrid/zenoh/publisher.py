@@ -14,9 +14,9 @@ import zenoh
 
 from echogrid.config import tables as config
 from echogrid.errors import EchogridError
-from echogrid.topics import cdr
 from echogrid.topics.topic import ALIVE, FLEET, FULL, TOPICS, Message
 from echogrid.zenoh.access import access_control
+from echogrid.zenoh.attachment import GID_SIZE
 from echogrid.zenoh.credentials import Credentials
 from echogrid.zenoh.fleet import Fleet
 from echogrid.zenoh.ros import RosNode, viewed
@@ -51,7 +51,7 @@ class Publisher:
             self.session = self._open.enter_context(opened)
         except zenoh.ZError as error:
             raise EchogridError(_refused(settings, error)) from error
-        self.gid = hashlib.blake2b(str(self.session.zid()).encode(), digest_size=cdr.GID_SIZE).digest()
+        self.gid = hashlib.blake2b(str(self.session.zid()).encode(), digest_size=GID_SIZE).digest()
         self._streams = {
             topic: Stream(self.session, key(vehicle, topic.name), topic, self.gid, versioned=topic.rank > 0) for topic in (*TOPICS, FLEET)
         }

@@ -17,9 +17,10 @@ from echogrid.core.map.map_delta import Rectangle
 from echogrid.core.map.tile import SIDE
 from echogrid.core.map.tiled_map import LogOdds
 from echogrid.errors import EchogridError
-from echogrid.topics import cdr
 from echogrid.topics.announcer import MAP_FRAME, occupancy_percent
+from echogrid.topics.grids import Grid, encode_grid
 from echogrid.topics.topic import FLEET, FULL, REGION, TILE
+from echogrid.zenoh.attachment import encode_attachment, encode_version
 from echogrid.zenoh.fleet import compress
 from echogrid.zenoh.publisher import Publisher, key
 from echogrid.zenoh.stream import encoding
@@ -95,9 +96,9 @@ class Regions:
         packed = _packed(parameters)
         part = self.reader.part(where, _epoch(parameters))
         origin = (where.column * self.cell, where.row * self.cell)
-        payload = cdr.encode_grid(cdr.Grid(part.stamp_ns, MAP_FRAME, self.cell, origin, occupancy_percent(part.log_odds)))
+        payload = encode_grid(Grid(part.stamp_ns, MAP_FRAME, self.cell, origin, occupancy_percent(part.log_odds)))
         self.sequence += 1
-        attachment = cdr.encode_attachment(self.sequence, part.stamp_ns, self.gid) + cdr.encode_version(part.epoch, 0)
+        attachment = encode_attachment(self.sequence, part.stamp_ns, self.gid) + encode_version(part.epoch, 0)
         kind = encoding(FLEET if packed else FULL)
         name = key(self.vehicle, REGION if tile is None else f"{TILE}/{tile}")  # the query's own may be that of many vehicles
         query.reply(name, compress(payload) if packed else payload, encoding=kind, attachment=attachment)

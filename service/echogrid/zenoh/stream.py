@@ -7,8 +7,8 @@ from typing import Any
 import zenoh
 import zenoh.ext
 
-from echogrid.topics import cdr
 from echogrid.topics.topic import Message, Topic
+from echogrid.zenoh.attachment import encode_attachment, encode_version
 
 PRIORITIES = (zenoh.Priority.DATA_HIGH, zenoh.Priority.DATA, zenoh.Priority.DATA_LOW, zenoh.Priority.BACKGROUND)  # by rank
 PACKED = zenoh.Encoding("application/cdr+zstd")
@@ -45,9 +45,9 @@ class Stream:
 
     def put(self, message: Message) -> None:
         self.sequence += 1
-        attachment = cdr.encode_attachment(self.sequence, message.stamp_ns, self.gid)
+        attachment = encode_attachment(self.sequence, message.stamp_ns, self.gid)
         if self.versioned:
-            attachment += cdr.encode_version(message.epoch, message.keyframe)
+            attachment += encode_version(message.epoch, message.keyframe)
         self.publisher.put(message.payload, attachment=attachment)
 
     def heard(self) -> bool:

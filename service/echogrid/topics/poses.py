@@ -1,0 +1,115 @@
+"""Odometry and transforms as ROS's messages in CDR (`cdr`), and back; all on a plane."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echogrid.core.motion.se2 import SE2
+from echogrid.topics.cdr import LENGTH, LITTLE_ENDIAN, aligned, body_of, encode_header, encode_text, padded, read, read_header, read_text
+
+_MOTION = struct.Struct("<85d")  # position, orientation, covariance, linear and angular velocity, covariance
+_PLACE = struct.Struct("<7d")  # translation, rotation (x, y, z, w)
+Covariance = NDArray[np.float64]
+
+
+def _unknown() -> Covariance:
+    return np.zeros((6, 6))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Odometry:
+    """nav_msgs/Odometry of a car on a plane. Covariances are ROS's: x, y, z, roll, pitch, yaw; all zero where nobody estimated them."""
+
+    stamp_ns: int
+    frame: str
+    child_frame: str
+    pose: SE2  # of child_frame in frame
+    speed: float  # m/s, along child_frame's x
+    yaw_rate: float  # rad/s
+    pose_covariance: Covariance = field(default_factory=_unknown)  # (6, 6)
+    twist_covariance: Covariance = field(default_factory=_unknown)  # (6, 6)
+
+
+@dataclass(frozen=True, slots=True)
+class Transform:
+    """geometry_msgs/TransformStamped on a plane: `pose` of child_frame in frame."""
+
+    stamp_ns: int
+    frame: str
+    child_frame: str
+    pose: SE2
+
+
+def encode_odometry(odometry: Odometry) -> bytes:
+    """The odometry as nav_msgs/msg/Odometry: z, roll, pitch and their rates are 0."""
+    head = encode_header(odometry.stamp_ns, odometry.frame) + encode_text(odometry.child_frame)
+    pose, half = odometry.pose, odometry.pose.yaw / 2
+    motion = _MOTION.pack(
+        *(pose.x, pose.y, 0.0, 0.0, 0.0, math.sin(half), math.cos(half)),
+        *odometry.pose_covariance.ravel(),
+        *(odometry.speed, 0.0, 0.0, 0.0, 0.0, odometry.yaw_rate),
+        *odometry.twist_covariance.ravel(),
+    )
+    return b"".join((LITTLE_ENDIAN, padded(head, 8), motion))
+
+
+def decode_odometry(payload: bytes) -> Odometry:
+    """The odometry of a nav_msgs/msg/Odometry, yaw within (-pi, pi]; what leaves the plane is refused, sideways speed is not read."""
+    body = body_of(payload)
+    stamp_ns, frame, at = read_header(body)
+    child_frame, at = read_text(body, at)
+    at = aligned(at, 8)
+    numbers = np.array(read(_MOTION, body, at))
+    if len(body) != at + _MOTION.size:
+        raise ValueError(f"{len(body) - at - _MOTION.size} bytes are left over behind the odometry")
+    if not np.isfinite(numbers).all():
+        raise ValueError("the odometry holds something that is no number")
+    x, y, _, *turn = numbers[:7].tolist()
+    pose = _pose_of(x, y, *turn)
+    pose_covariance, twist_covariance = numbers[7:43].reshape(6, 6), numbers[49:].reshape(6, 6)
+    speed, yaw_rate = float(numbers[43]), float(numbers[48])
+    return Odometry(stamp_ns, frame, child_frame, pose, speed, yaw_rate, pose_covariance, twist_covariance)
+
+
+def encode_transforms(transforms: Sequence[Transform]) -> bytes:
+    """The transforms as tf2_msgs/msg/TFMessage: z, roll and pitch are 0."""
+    body = LENGTH.pack(len(transforms))
+    for transform in transforms:
+        pose, half = transform.pose, transform.pose.yaw / 2
+        body = padded(body, 4) + encode_header(transform.stamp_ns, transform.frame) + encode_text(transform.child_frame)
+        body = padded(body, 8) + _PLACE.pack(pose.x, pose.y, 0.0, 0.0, 0.0, math.sin(half), math.cos(half))
+    return LITTLE_ENDIAN + body
+
+
+def decode_transforms(payload: bytes) -> tuple[Transform, ...]:
+    """The transforms of a tf2_msgs/msg/TFMessage, yaw within (-pi, pi]; what leaves the plane is refused."""
+    body = body_of(payload)
+    (count,) = read(LENGTH, body, 0)
+    at, transforms = LENGTH.size, []
+    for _ in range(count):  # however many there should be, the payload's end ends it
+        stamp_ns, frame, at = read_header(body, aligned(at, 4))
+        child_frame, at = read_text(body, at)
+        at = aligned(at, 8)
+        place = read(_PLACE, body, at)
+        at += _PLACE.size
+        if place[2] != 0:
+            raise ValueError("the transform leaves the plane")
+        transforms.append(Transform(stamp_ns, frame, child_frame, _pose_of(*place[:2], *place[3:])))
+    if at != len(body):
+        raise ValueError(f"{len(body) - at} bytes are left over behind the transforms")
+    return tuple(transforms)
+
+
+def _pose_of(x: float, y: float, roll: float, pitch: float, z: float, w: float) -> SE2:
+    """A place and a quaternion as a pose on the plane."""
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise ValueError(f"a pose at ({x}, {y}) is nowhere")
+    if roll != 0 or pitch != 0 or not abs(math.hypot(z, w) - 1) <= 1e-6:
+        raise ValueError("the orientation is no turn about the z axis")
+    return SE2(x, y, math.atan2(2 * w * z, w * w - z * z))

@@ -1,0 +1,113 @@
+"""Odometry and transforms against rosbags, byte for byte, and against bytes that mean harm."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.support.cdr_messages import FRAMES, NAMES, NUMBERS, ROS, STAMPS, STORE, TRANSFORM, odometry_of, patched, ros_header, ros_pose
+
+from echogrid.core.motion.se2 import SE2
+from echogrid.topics.poses import Odometry, Transform, decode_odometry, decode_transforms, encode_odometry, encode_transforms
+
+COVARIANCES = st.lists(NUMBERS, min_size=36, max_size=36).map(lambda values: np.array(values).reshape(6, 6))
+ODOMETRIES = st.builds(
+    Odometry,
+    stamp_ns=STAMPS,
+    frame=NAMES,
+    child_frame=NAMES,
+    pose=st.builds(SE2, NUMBERS, NUMBERS, st.floats(-50, 50)),
+    speed=NUMBERS,
+    yaw_rate=NUMBERS,
+    pose_covariance=COVARIANCES,
+    twist_covariance=COVARIANCES,
+)
+TRANSFORMS = st.lists(st.builds(Transform, STAMPS, NAMES, NAMES, st.builds(SE2, NUMBERS, NUMBERS, st.floats(-50, 50))), max_size=4)
+
+
+def _ros_odometry(odometry: Odometry) -> object:
+    pose, half = odometry.pose, odometry.pose.yaw / 2
+    vector = ROS["geometry_msgs/msg/Vector3"]
+    twist = ROS["geometry_msgs/msg/Twist"](linear=vector(odometry.speed, 0.0, 0.0), angular=vector(0.0, 0.0, odometry.yaw_rate))
+    return ROS["nav_msgs/msg/Odometry"](
+        header=ros_header(odometry.stamp_ns, odometry.frame),
+        child_frame_id=odometry.child_frame,
+        pose=ROS["geometry_msgs/msg/PoseWithCovariance"](
+            pose=ros_pose(pose.x, pose.y, math.sin(half), math.cos(half)), covariance=odometry.pose_covariance.ravel()
+        ),
+        twist=ROS["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=odometry.twist_covariance.ravel()),
+    )
+
+
+def _ros_transforms(transforms: Sequence[Transform]) -> object:
+    vector, quaternion = ROS["geometry_msgs/msg/Vector3"], ROS["geometry_msgs/msg/Quaternion"]
+    stamped = []
+    for transform in transforms:
+        pose, half = transform.pose, transform.pose.yaw / 2
+        place = ROS["geometry_msgs/msg/Transform"](vector(pose.x, pose.y, 0.0), quaternion(0.0, 0.0, math.sin(half), math.cos(half)))
+        header = ros_header(transform.stamp_ns, transform.frame)
+        stamped.append(ROS["geometry_msgs/msg/TransformStamped"](header, transform.child_frame, place))
+    return ROS["tf2_msgs/msg/TFMessage"](stamped)
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+@pytest.mark.parametrize("child_frame", FRAMES)
+def test_odometry_is_what_rosbags_writes(frame: str, child_frame: str) -> None:
+    odometry = odometry_of(frame, child_frame)
+    assert encode_odometry(odometry) == bytes(STORE.serialize_cdr(_ros_odometry(odometry), "nav_msgs/msg/Odometry"))
+
+
+@given(TRANSFORMS)
+def test_transforms_are_what_rosbags_writes_and_come_back(transforms: list[Transform]) -> None:
+    payload = encode_transforms(transforms)
+    assert payload == bytes(STORE.serialize_cdr(_ros_transforms(transforms), "tf2_msgs/msg/TFMessage"))
+    back = decode_transforms(payload)
+    for one, other in zip(back, transforms, strict=True):
+        assert (one.stamp_ns, one.frame, one.child_frame) == (other.stamp_ns, other.frame, other.child_frame)
+        assert (one.pose.x, one.pose.y) == (other.pose.x, other.pose.y)
+        assert math.cos(one.pose.yaw - other.pose.yaw) == pytest.approx(1, abs=1e-12)
+
+
+@given(ODOMETRIES)
+def test_odometry_round_trip(odometry: Odometry) -> None:
+    back = decode_odometry(encode_odometry(odometry))
+    assert (back.stamp_ns, back.frame, back.child_frame) == (odometry.stamp_ns, odometry.frame, odometry.child_frame)
+    assert (back.pose.x, back.pose.y) == (odometry.pose.x, odometry.pose.y)
+    assert math.cos(back.pose.yaw - odometry.pose.yaw) == pytest.approx(1, abs=1e-12)
+    assert -math.pi <= back.pose.yaw <= math.pi
+    assert (back.speed, back.yaw_rate) == (odometry.speed, odometry.yaw_rate)
+    np.testing.assert_array_equal(back.pose_covariance, odometry.pose_covariance)
+    np.testing.assert_array_equal(back.twist_covariance, odometry.twist_covariance)
+
+
+# For the frames "odom" and "base": count 0, stamp 4, frame's length 12, child's length 24, translation 40, rotation 64.
+@pytest.mark.parametrize(
+    ("at", "layout", "values", "message"),
+    [
+        (0, "<I", (0,), "are left over"),
+        (0, "<I", (2**32 - 1,), "message ends"),
+        (40, "<d", (math.nan,), "nowhere"),
+        (48, "<d", (math.inf,), "nowhere"),
+        (56, "<d", (1.0,), "leaves the plane"),
+        (64, "<d", (0.5,), "no turn"),
+        (80, "<dd", (0.0, 0.0), "no turn"),
+        (88, "<d", (math.nan,), "no turn"),
+    ],
+)
+def test_transforms_that_cannot_be_are_refused(at: int, layout: str, values: tuple[float, ...], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        decode_transforms(patched(encode_transforms((TRANSFORM,)), at, layout, *values))
+
+
+# For the frames "odom" and "base": child's length 20, child 24, padding, position 32, orientation 56, covariance 88.
+@pytest.mark.parametrize(
+    ("at", "values", "message"),
+    [(32, (math.nan,), "no number"), (88, (math.inf,), "no number"), (56, (0.5,), "no turn"), (72, (0.0, 0.0), "no turn")],
+)
+def test_odometry_that_cannot_be_is_refused(at: int, values: tuple[float, ...], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        decode_odometry(patched(encode_odometry(odometry_of()), at, f"<{len(values)}d", *values))
