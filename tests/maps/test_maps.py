@@ -29,8 +29,9 @@ from echogrid.maps.info import info, lines
 from echogrid.maps.merge import Input, merge, plan
 from echogrid.maps.picture import shade, text
 from echogrid.maps.show import show
+from echogrid.store.epoch import Description
 from echogrid.store.stored_map import stored_map
-from echogrid.store.tile_store import Description, TileStore
+from echogrid.store.tile_store import TileStore
 
 CELL = 0.25
 LEARNED = Calibration(1.5, -0.25)

@@ -18,9 +18,10 @@ from echogrid.core.map.look_map import Calibration, LookMap
 from echogrid.core.map.tile import SIDE, Tile, TileKey
 from echogrid.core.map.tiled_map import View
 from echogrid.core.motion.se2 import SE2
+from echogrid.store.store_file import ForeignFileError
 from echogrid.store.stored_map import describe, stored_map
 from echogrid.store.tile_keeper import MOST_WAITING, TileKeeper
-from echogrid.store.tile_store import ForeignFileError, TileStore
+from echogrid.store.tile_store import TileStore
 
 SPEC = GridSpec(cells=32, cell=0.25)
 SIDE_M = SIDE * SPEC.cell

@@ -20,8 +20,10 @@ from echogrid.core.map.tile import SIDE, Tile, TileKey
 from echogrid.core.map.tiled_map import View
 from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
+from echogrid.store.epoch import Description, Epoch
+from echogrid.store.store_file import ForeignFileError, StoreError
 from echogrid.store.stored_map import describe, stored_map
-from echogrid.store.tile_store import Description, Epoch, ForeignFileError, StoreError, TileStore
+from echogrid.store.tile_store import TileStore
 
 LOOKS = Description(17, "car", 0.25, "looks", 3.5, Calibration(1.2, -0.1), ("front", "rear"))
 SUM = Description(18, "car", 0.25, "sum", 3.0, Calibration(), ("front",))

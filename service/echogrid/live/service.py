@@ -29,8 +29,8 @@ from echogrid.errors import EchogridError
 from echogrid.pipeline import Pipeline
 from echogrid.recording.foxglove import Foxglove
 from echogrid.recording.mcap_recorder import McapRecorder
+from echogrid.store.store_file import SUFFIX
 from echogrid.store.tile_keeper import TileKeeper
-from echogrid.store.tile_store import SUFFIX
 from echogrid.topics.announcer import Announcer, Snapshot, Snapshots
 from echogrid.topics.topic import Message, Sink
 from echogrid.watching.metrics import Metrics

@@ -20,7 +20,7 @@ from echogrid.maps.dense_map import MOST_CELLS, Bands, write_npz
 from echogrid.maps.files import may_write, new_store, open_store
 from echogrid.maps.picture import shade
 from echogrid.maps.stored_epoch import OnProgress, StoredEpoch, part
-from echogrid.store.tile_store import SUFFIX
+from echogrid.store.store_file import SUFFIX
 
 FORMATS = {"ros": ".yaml", "png": ".png", "npz": ".npz", "egmap": SUFFIX}
 AT_ONCE = 64  # tiles that are in memory

@@ -10,7 +10,8 @@ from echogrid.errors import EchogridError
 from echogrid.files import whole
 from echogrid.maps import map_server
 from echogrid.maps.dense_map import DenseMap, read_npz
-from echogrid.store.tile_store import SUFFIX, ForeignFileError, StoreError, TileStore
+from echogrid.store.store_file import SUFFIX, ForeignFileError, StoreError
+from echogrid.store.tile_store import TileStore
 
 
 def open_store(path: Path) -> TileStore:

@@ -13,7 +13,8 @@ from echogrid.core.map.tiled_map import pieces
 from echogrid.errors import EchogridError
 from echogrid.maps.files import may_write, new_store, read_dense
 from echogrid.maps.stored_epoch import OnProgress
-from echogrid.store.tile_store import SUFFIX, Description
+from echogrid.store.epoch import Description
+from echogrid.store.store_file import SUFFIX
 
 AT_ONCE = 64  # tiles in one transaction
 CLAMP = 3.5  # log-odds, of the maps it is merged to

@@ -8,7 +8,7 @@ from typing import Any
 
 from echogrid.maps.files import open_store
 from echogrid.maps.stored_epoch import OnProgress, StoredEpoch, part
-from echogrid.store.tile_store import VERSION
+from echogrid.store.store_file import VERSION
 
 
 def info(path: Path, on_progress: OnProgress | None = None) -> dict[str, Any]:

@@ -16,7 +16,8 @@ from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
 from echogrid.maps.files import may_write, new_store, open_store
 from echogrid.maps.stored_epoch import OnProgress, StoredEpoch
-from echogrid.store.tile_store import SUFFIX, Description
+from echogrid.store.epoch import Description
+from echogrid.store.store_file import SUFFIX
 
 AT_ONCE = 128  # merged tiles that are in memory
 PATIENCE = 10.0  # s that the scheduler is waited for

@@ -12,7 +12,7 @@ from echogrid.files import whole
 from echogrid.maps.files import may_write, open_store, read_dense
 from echogrid.maps.picture import LONGEST, draw, shrink
 from echogrid.maps.stored_epoch import OnProgress, StoredEpoch
-from echogrid.store.tile_store import SUFFIX
+from echogrid.store.store_file import SUFFIX
 
 
 def show(

@@ -9,7 +9,8 @@ from echogrid.core.map.look_map import Calibration, LookMap
 from echogrid.core.map.occupancy import OccupancyMap
 from echogrid.core.map.tile import Tile, TileKey
 from echogrid.core.map.tiled_map import TiledMap
-from echogrid.store.tile_store import Description, Kind, TileStore
+from echogrid.store.epoch import Description, Kind
+from echogrid.store.tile_store import TileStore
 
 STORED_TILES = 64  # of a stored map that are in memory at a time
 

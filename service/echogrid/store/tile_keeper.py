@@ -15,7 +15,9 @@ from typing import Self
 from echogrid.config import tables as config
 from echogrid.core.map.tile import Tile, TileKey
 from echogrid.core.map.tiled_map import TiledMap
-from echogrid.store.tile_store import Description, ForeignFileError, State, StoreError, TileStore
+from echogrid.store.epoch import Description
+from echogrid.store.store_file import ForeignFileError, State, StoreError
+from echogrid.store.tile_store import TileStore
 
 log = logging.getLogger("echogrid")
 WAIT = 0.1  # s: a thread looks this often whether it is to end

@@ -10,10 +10,10 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoM
 
 from echogrid import __version__
 from echogrid.recording import mcap_recorder
-from echogrid.store import tile_store
+from echogrid.store import store_file
 from echogrid.topics.diagnostics import LEVELS
 
-FILES = {"store": tile_store.STATES, "recording": mcap_recorder.STATES}
+FILES = {"store": store_file.STATES, "recording": mcap_recorder.STATES}
 Tables = Mapping[tuple[str, ...], Mapping[str, Any]]  # label values -> a part's numbers
 
 

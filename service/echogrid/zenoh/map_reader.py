@@ -13,9 +13,10 @@ from echogrid.core.map.tile import Tile, TileKey
 from echogrid.core.map.tiled_map import TiledMap, pieces
 from echogrid.core.mapper import Mapper
 from echogrid.errors import EchogridError
+from echogrid.store.store_file import StoreError
 from echogrid.store.stored_map import stored_map
 from echogrid.store.tile_keeper import TileKeeper
-from echogrid.store.tile_store import StoreError, TileStore
+from echogrid.store.tile_store import TileStore
 from echogrid.zenoh.region import Part
 
 log = logging.getLogger("echogrid")

@@ -1,0 +1,151 @@
+"""The SQLite file of a store: its tables, how it is opened and made, and what goes wrong with it. docs/store.md is the format."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Literal, get_args
+
+from echogrid.errors import EchogridError
+
+SUFFIX = ".egmap"
+APPLICATION_ID = 0x6567_6D70  # "egmp"
+VERSION = 1
+TABLES = {
+    "epoch": """CREATE TABLE epoch(
+ id INTEGER PRIMARY KEY AUTOINCREMENT,
+ begun_ns INTEGER NOT NULL,
+ vehicle TEXT NOT NULL,
+ cell REAL NOT NULL,
+ kind TEXT NOT NULL,
+ clamp REAL NOT NULL,
+ calibration TEXT NOT NULL,
+ radars TEXT NOT NULL)""",
+    "tile": """CREATE TABLE tile(
+ epoch INTEGER NOT NULL,
+ row INTEGER NOT NULL,
+ col INTEGER NOT NULL,
+ stamp_ns INTEGER NOT NULL,
+ data BLOB NOT NULL,
+ PRIMARY KEY(epoch, row, col)) WITHOUT ROWID""",
+}
+WAL_BYTES = 4 << 20  # what the -wal file is cut to when it has been taken over
+PATIENCE = 5.0  # s that another writer of the same file is waited for
+State = Literal["ok", "full", "read-only", "failed"]
+STATES: tuple[State, ...] = get_args(State)
+STATE_OF_ERROR: Mapping[int, State] = {sqlite3.SQLITE_FULL: "full", sqlite3.SQLITE_READONLY: "read-only"}
+
+
+class StoreError(EchogridError):
+    """A store that could not be read or written, and what state that is."""
+
+    def __init__(self, sentence: str, state: State = "failed") -> None:
+        super().__init__(sentence)
+        self.state = state
+
+
+class ForeignFileError(EchogridError):
+    """A file that is no store, or one of a newer version."""
+
+
+def open_file(path: Path, write: bool) -> sqlite3.Connection:
+    """A connection to a store; to write, the file is made where it is not. Raises StoreError and ForeignFileError."""
+    with told(path), _closed_on_error(_connect(path, write)) as connection:
+        if connection.execute("PRAGMA page_count").fetchone()[0] == 0:
+            if not write:
+                raise StoreError(f"{path}: is empty")
+            _create(connection)
+        _check(connection, path)
+        if write:
+            connection.execute("PRAGMA journal_mode = WAL")
+            connection.execute("PRAGMA synchronous = FULL")  # a commit, every few seconds, survives a loss of power too
+            connection.execute("PRAGMA secure_delete = OFF")  # some builds write zeros over all that goes: twice the wear of the disk
+            connection.execute(f"PRAGMA journal_size_limit = {WAL_BYTES}")
+        return connection
+
+
+@contextmanager
+def told(path: Path) -> Iterator[None]:
+    """What SQLite raises, as StoreError; what is no database, as ForeignFileError."""
+    try:
+        yield
+    except sqlite3.Error as error:
+        code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+        if code == sqlite3.SQLITE_NOTADB:
+            raise ForeignFileError(_foreign(path, "it is no SQLite file")) from error
+        state = STATE_OF_ERROR.get(code, "failed")
+        if code == sqlite3.SQLITE_CANTOPEN and not os.access(path.absolute().parent, os.W_OK):
+            state = "read-only"
+        raise StoreError(f"{path}: {error}", state) from error
+    except UnicodeDecodeError as error:  # of a name in the schema, or of what SQLite says of it
+        raise StoreError(f"{path}: a text in it is no UTF-8") from error
+
+
+@contextmanager
+def transaction(connection: sqlite3.Connection) -> Iterator[None]:
+    """All that is done within, or nothing."""
+    connection.execute("BEGIN IMMEDIATE")
+    try:
+        yield
+        connection.execute("COMMIT")
+    except BaseException:
+        if connection.in_transaction:  # SQLite ends it by itself where the disk is full
+            connection.execute("ROLLBACK")
+        raise
+
+
+def _connect(path: Path, write: bool) -> sqlite3.Connection:
+    where = path.absolute().as_uri()
+    if write:
+        where += "?mode=rwc"
+    elif not os.access(path.absolute().parent, os.W_OK) and not path.with_name(f"{path.name}-wal").exists():
+        where += "?immutable=1"  # a WAL file is otherwise read only where its -shm file can be made
+    else:
+        where += "?mode=ro"
+    # Several threads, one after the other: the keeper's, and the one that ends the service.
+    connection = sqlite3.connect(where, uri=True, timeout=PATIENCE, isolation_level=None, check_same_thread=False)
+    connection.execute("PRAGMA trusted_schema = OFF")  # nothing that a foreign file brings along is run
+    return connection
+
+
+@contextmanager
+def _closed_on_error(connection: sqlite3.Connection) -> Iterator[sqlite3.Connection]:
+    try:
+        yield connection
+    except BaseException:
+        connection.close()
+        raise
+
+
+def _create(connection: sqlite3.Connection) -> None:
+    """All of it in one transaction, before the file is one with a WAL: a process that is killed here leaves nothing, not half of it."""
+    connection.execute("PRAGMA auto_vacuum = INCREMENTAL")
+    connection.execute("BEGIN EXCLUSIVE")
+    if connection.execute("SELECT count(*) FROM sqlite_schema").fetchone() == (0,):  # nobody else has made it meanwhile
+        connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+        connection.execute(f"PRAGMA user_version = {VERSION}")
+        for table in TABLES.values():
+            connection.execute(table)
+    connection.execute("COMMIT")
+
+
+def _check(connection: sqlite3.Connection, path: Path) -> None:
+    """Raises ForeignFileError."""
+    (application_id,) = connection.execute("PRAGMA application_id").fetchone()
+    (version,) = connection.execute("PRAGMA user_version").fetchone()
+    if application_id != APPLICATION_ID:
+        raise ForeignFileError(_foreign(path, f"application id 0x{application_id & 0xFFFFFFFF:08X} found, expected 0x{APPLICATION_ID:08X}"))
+    if version != VERSION:
+        raise ForeignFileError(f"{path}: a map of version {version} found, expected {VERSION}: update echogrid, or name another file")
+    with closing(connection.execute("SELECT name, sql FROM sqlite_schema WHERE name NOT LIKE 'sqlite_%'")) as found:
+        tables = dict(found.fetchall())
+    if tables != TABLES:
+        names = ", ".join(sorted(tables)) or "none"
+        raise ForeignFileError(_foreign(path, f"tables {names} found, expected {', '.join(TABLES)} as this version makes them"))
+
+
+def _foreign(path: Path, why: str) -> str:
+    return f"{path}: is no map of echogrid: {why}; name another file, or move this one away"
