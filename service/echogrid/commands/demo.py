@@ -30,7 +30,7 @@ from echogrid.core.map.occupancy import OccupancyMap
 from echogrid.core.map.tiled_map import LogOdds
 from echogrid.errors import EchogridError
 from echogrid.live.service import Service
-from echogrid.logs.drive import Drive, find_drive, load_truth
+from echogrid.logs.drive import Drive, TrueMap, find_drive, load_truth
 from echogrid.logs.log import Log
 from echogrid.maps.picture import Panel, draw, side_by_side, text
 from echogrid.pipeline import Pipeline
@@ -73,7 +73,7 @@ def demo(out: Path, model: str | None = None, on_progress: Callable[[float], Non
     return summary
 
 
-def compare(recorder: Recorder, drive: Drive, truth: Panel, out: Path) -> None:
+def compare(recorder: Recorder, drive: Drive, truth: TrueMap, out: Path) -> None:
     """side_by_side.png: all static detections, the analytic map, the map that the service made, and the truth."""
     config = load_config(drive.config, "analytic")
     pipeline = Pipeline(config, drive.config)
@@ -89,7 +89,8 @@ def compare(recorder: Recorder, drive: Drive, truth: Panel, out: Path) -> None:
         row, column, log_odds = occupancy.whole()
         panels.append(Panel(title, log_odds, (column * spec.cell, row * spec.cell)))
     driven = np.array([(ego.odom_from_base.x, ego.odom_from_base.y) for ego in recorder.trajectory])
-    side_by_side([*panels, truth], spec.cell, driven).save(out / "side_by_side.png")
+    panels.append(Panel("truth", truth.log_odds, truth.origin))
+    side_by_side(panels, spec.cell, driven).save(out / "side_by_side.png")
 
 
 def on_virtual_buses(config: Config) -> Config:

@@ -8,24 +8,32 @@ from zipfile import ZipFile
 
 import numpy as np
 
+from echogrid.core.map.tiled_map import LogOdds
 from echogrid.core.messages import Floats
 from echogrid.errors import EchogridError
-from echogrid.maps.picture import Panel
 
 MOST_BYTES = 1 << 30  # that a truth file unpacks to
 LOGS = ("can.log.gz", "can.log", "can.blf", "can.asc", "can.mf4", "can.trc", "can.mcap")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class TrueMap:
+    """The map that a simulated drive should give, in the frame of the first true pose."""
+
+    log_odds: LogOdds  # (H, W), rows along y, columns along x
+    origin: tuple[float, float]  # m: x and y of the corner of cell [0, 0]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Truth:
     """True poses of base, from the first one on: stamp_ns (N,) int64, poses (N, 3) x, y (m) and yaw (rad).
 
-    `map` is the true map of a simulated drive, in the frame of the first pose; None where it is not known.
+    `map` is None where it is not known.
     """
 
     stamp_ns: np.ndarray
     poses: Floats
-    map: Panel | None
+    map: TrueMap | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +75,7 @@ def load_truth(path: Path) -> Truth | None:
             known = None
             if "log_odds" in file:
                 x, y = map(float, file["origin"])
-                known = Panel("truth", file["log_odds"].astype(np.float32), (x, y))
+                known = TrueMap(file["log_odds"].astype(np.float32), (x, y))
                 if known.log_odds.ndim != 2:
                     raise ValueError("the map log_odds is no plane")
             return Truth(stamp_ns, np.stack(columns, axis=1), known)
