@@ -245,7 +245,7 @@ def test_another_process_reads_and_ends_without_closing(endpoint: str) -> None:
 SERVICE = """
 import sys
 import numpy as np
-from echogrid.config import Publish, Ros
+from echogrid.config.tables import Publish, Ros
 from echogrid.zenoh.publisher import Publisher
 from tests.support import messages
 publisher = Publisher(Publish(listen=(sys.argv[1],)), "car", Ros())

@@ -155,7 +155,7 @@ def _address(text: str) -> tuple[str, int]:
 
 
 def _run(arguments: argparse.Namespace) -> None:
-    from echogrid.live.service import run
+    from echogrid.commands.run import run
 
     run(arguments.config, arguments.model, arguments.record, arguments.foxglove)
 

@@ -63,7 +63,7 @@ def measure(drive: Path, load: Load, seconds: float) -> dict[str, Any]:
 
 def _watch(service: Service, seconds: float, load: Load, result: dict[str, Any]) -> None:
     service.live.wait(60.0)
-    service.stop.wait(seconds)
+    service.workers.stop.wait(seconds)
     status = service.status()
     expected = seconds * load.pace * 1e3 / service.config.map.cycle_ms
     result.update(
@@ -79,7 +79,7 @@ def _watch(service: Service, seconds: float, load: Load, result: dict[str, Any])
         state=status["state"],
         rss_mib=status["rss_mib"],
     )
-    service.stop.set()
+    service.workers.stop.set()
 
 
 def _play(service: Service, endless: EndlessDrive, pace: float) -> None:
@@ -91,7 +91,7 @@ def _play(service: Service, endless: EndlessDrive, pace: float) -> None:
         ahead = (message.timestamp - first) / pace - (time.monotonic() - started)
         if ahead > 0:
             time.sleep(ahead)
-        if service.stop.is_set():
+        if service.workers.stop.is_set():
             break
         buses[bus].send(message)
     for opened in buses.values():
@@ -101,7 +101,7 @@ def _play(service: Service, endless: EndlessDrive, pace: float) -> None:
 def _babble(service: Service, bus: str, frame_id: int) -> None:
     service.live.wait(60.0)
     buses, started, sent = senders(service.config), time.monotonic(), 0
-    while not service.stop.is_set():
+    while not service.workers.stop.is_set():
         stamp = (service.pipeline.signals.time.newest_ns or 0) * 1e-9  # as if received now
         while sent < (time.monotonic() - started) * FULL_BUS:
             buses[bus].send(can.Message(timestamp=stamp, arbitration_id=frame_id, is_extended_id=False, data=bytes(8)))

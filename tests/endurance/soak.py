@@ -95,10 +95,10 @@ def _play(service: Service, endless: EndlessDrive) -> None:
     buses = senders(service.config)
     try:
         for sent, (bus, message) in enumerate(endless):
-            if service.stop.is_set():
+            if service.workers.stop.is_set():
                 return
             buses[bus].send(message)
-            while sent - service.pipeline.health.frames > AHEAD_FRAMES and not service.stop.is_set():
+            while sent - service.pipeline.health.frames > AHEAD_FRAMES and not service.workers.stop.is_set():
                 time.sleep(0.001)
     finally:
         for opened in buses.values():
@@ -108,7 +108,7 @@ def _play(service: Service, endless: EndlessDrive) -> None:
 def _sample(service: Service, samples: list[dict[str, float]], seconds: float) -> None:
     service.live.wait(60.0)
     started, not_ok = time.monotonic(), 0
-    while (wall := time.monotonic() - started) < seconds and not service.stop.wait(SAMPLE):
+    while (wall := time.monotonic() - started) < seconds and not service.workers.stop.wait(SAMPLE):
         status, mapper, signals = service.status(), service.pipeline.mapper, service.pipeline.signals
         latency = status["latency_ms"]
         if signals.time.newest_ns is None or latency["p50"] is None:
@@ -131,4 +131,4 @@ def _sample(service: Service, samples: list[dict[str, float]], seconds: float) -
                 **{key: status[key] for key in COUNTED},
             }
         )
-    service.stop.set()
+    service.workers.stop.set()

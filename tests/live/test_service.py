@@ -23,7 +23,8 @@ from echogrid.client import Client
 from echogrid.commands.demo import demo
 from echogrid.commands.replay import replay
 from echogrid.config.loading import load_config
-from echogrid.live import service as app
+from echogrid.live import publishing
+from echogrid.live.service import Service
 from echogrid.logs.drive import find_drive
 from echogrid.pipeline import Pipeline
 from echogrid.topics.topic import META
@@ -59,7 +60,7 @@ def test_the_analytic_model_needs_no_onnxruntime(config: tuple[Path, int]) -> No
     path, _ = config
     code = (
         "import sys; from pathlib import Path; from echogrid.live import service; from echogrid.config.loading import load_config\n"
-        f"path = Path({str(path)!r}); app.Pipeline(load_config(path), path); print('onnxruntime' in sys.modules)"
+        f"path = Path({str(path)!r}); service.Pipeline(load_config(path), path); print('onnxruntime' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout.strip() == "False"
@@ -76,8 +77,8 @@ def config(tmp_path: Path, port: int) -> tuple[Path, int]:
 def test_meta_is_said_again(config: tuple[Path, int], monkeypatch: pytest.MonkeyPatch) -> None:
     """Not all who come later are given the last one: see docs/interface.md. This subscriber asks for nothing that was."""
     path, port = config
-    monkeypatch.setattr(app, "META_PERIOD", 0.2)
-    service = app.Service(Pipeline(load_config(path), path))
+    monkeypatch.setattr(publishing, "META_PERIOD", 0.2)
+    service = Service(Pipeline(load_config(path), path))
     running = threading.Thread(target=service.run)
     running.start()
     try:
@@ -86,7 +87,7 @@ def test_meta_is_said_again(config: tuple[Path, int], monkeypatch: pytest.Monkey
             for _ in range(3):
                 assert json.loads(bytes(said.recv().payload))["frames"] == {"map": "odom", "car": "base"}
     finally:
-        service.stop.set()
+        service.workers.stop.set()
         running.join()
 
 

@@ -20,7 +20,7 @@ from echogrid.errors import EchogridError
 from echogrid.model import choice as model_choice
 from echogrid.model.choice import choose, choose_file, folder, measure, shipped, sums
 from echogrid.model.network import OnnxSensorModel
-from echogrid.pipeline import SensorModel, sensor_model
+from echogrid.model.sensor_model import SensorModel, sensor_model
 
 SPEC = GridSpec(cells=16, cell=0.5)
 EMPTY = np.zeros((networks.PLANES, 16, 16), np.uint8)

@@ -118,13 +118,13 @@ def test_a_running_service_records_what_it_maps_and_publishes_and_shows_it(drive
         return recorder.add(bus, message)
 
     service = Service(pipeline, add, record=path, foxglove=("127.0.0.1", 0))
-    service.sinks.append(sink)
+    service.publishing.sinks.append(sink)
     thread = threading.Thread(target=service.run)
     thread.start()
     seen: list[tuple[int, int, bytes]] = []
     try:
         assert service.live.wait(30)
-        (port,) = [view.port for view in service.sinks if hasattr(view, "port")]
+        (port,) = [view.port for view in service.publishing.sinks if hasattr(view, "port")]
         logged = list(can.LogReader(drive / "can.log"))
         with (
             viewer(port) as view,
@@ -142,9 +142,9 @@ def test_a_running_service_records_what_it_maps_and_publishes_and_shows_it(drive
                 seen.append(got)
         status = service.status()
     finally:
-        service.stop.set()
+        service.workers.stop.set()
         thread.join()
-    assert service.failure is None
+    assert service.workers.failure is None
     recording = status["recording"]
     assert (recording["file"], recording["state"], recording["left_out"]) == (str(path), "recording", 0)
 

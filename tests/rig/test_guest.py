@@ -19,9 +19,7 @@ def test_on_real_can_interfaces() -> None:
             pytest.skip("this machine runs test_can.py itself")
     except real_bus.NoInterfacesError as why:
         if not guest.available():
-            pytest.skip(
-                f"{why}, and there is no User-Mode Linux; 'make test-rig' installs it, tests/live covers this on virtual buses"
-            )
+            pytest.skip(f"{why}, and there is no User-Mode Linux; 'make test-rig' installs it, tests/live covers this on virtual buses")
     in_guest(HERE / "test_can.py")
 
 

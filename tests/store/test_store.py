@@ -105,10 +105,10 @@ def test_a_service_with_sixteen_tiles_keeps_the_map_of_the_log_bit_for_bit(drive
             while n - service.pipeline.health.frames > AHEAD_FRAMES:
                 time.sleep(0.001)
             bus.send(message)
-        while service.pipeline.health.frames < len(sent) and not service.stop.is_set():
+        while service.pipeline.health.frames < len(sent) and not service.workers.stop.is_set():
             time.sleep(0.01)
         bus.shutdown()
-        service.stop.set()
+        service.workers.stop.set()
 
     player = threading.Thread(target=play)
     player.start()

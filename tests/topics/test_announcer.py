@@ -104,9 +104,9 @@ class Endless(list[Message]):
 
 def test_a_sink_that_is_full_is_told_of_once_and_the_others_go_on(pipeline: Pipeline, caplog: pytest.LogCaptureFixture) -> None:
     service, full, endless = Service(pipeline), Full(), Endless()
-    service.sinks.extend((full, endless))
+    service.publishing.sinks.extend((full, endless))
     messages = [Message(STATUS, b"{}", number, 0, 0) for number in range(5)]
-    service._send(messages)
+    service.publishing.send(messages)
     assert endless == messages
     assert full.taken == messages[:2]
     assert [record.getMessage() for record in caplog.records] == ["out.mcap: No space left on device; going on without it"]

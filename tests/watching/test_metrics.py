@@ -163,7 +163,7 @@ def run(code: str) -> str:
 BLOCKED = """
 import os, sys
 sys.modules["prometheus_client"] = None
-from echogrid.config import Metrics as Settings
+from echogrid.config.tables import Metrics as Settings
 from echogrid.errors import EchogridError
 from echogrid.watching.metrics import Metrics
 """

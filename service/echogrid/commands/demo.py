@@ -64,7 +64,7 @@ def demo(out: Path, model: str | None = None, on_progress: Callable[[float], Non
     try:
         service.run()
     finally:
-        service.stop.set()
+        service.workers.stop.set()
         helper.join()
     truth = load_truth(drive.truth)
     summary = recorder.write(out, truth)
@@ -119,11 +119,10 @@ def _play_and_watch(service: Service, log: Path, out: Path, on_progress: Callabl
                     raise EchogridError("the demo's subscriber could not connect to the service")
                 _play(service, log, on_progress)
             finally:
-                service.stop.set()
+                service.workers.stop.set()
                 watcher.wait(PATIENCE)
     except Exception as error:  # in a thread of its own: hand it to the one who waits for the service
-        service.failure = error
-        service.stop.set()
+        service.workers.fail(error)
 
 
 def senders(config: Config) -> dict[str, can.BusABC]:
@@ -160,7 +159,7 @@ def _wait_for(service: Service, frames: int) -> None:
     """Until the service has taken so many frames in. Raises EchogridError where it stands still."""
     health = service.pipeline.health
     seen, deadline = health.frames, time.monotonic() + PATIENCE
-    while health.frames < frames and not service.stop.is_set():
+    while health.frames < frames and not service.workers.stop.is_set():
         time.sleep(0.001)
         if health.frames > seen:
             seen, deadline = health.frames, time.monotonic() + PATIENCE

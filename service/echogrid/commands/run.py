@@ -1,0 +1,41 @@
+"""`echogrid run`: the service, until a signal ends it."""
+
+from __future__ import annotations
+
+import logging
+import signal
+import time
+from pathlib import Path
+
+from echogrid.config.loading import load_config
+from echogrid.errors import EchogridError
+from echogrid.live.service import Service
+from echogrid.pipeline import Pipeline
+
+log = logging.getLogger("echogrid")
+
+
+def run(config_path: Path, model: str | None = None, record: Path | None = None, foxglove: tuple[str, int] | None = None) -> None:
+    """Until SIGTERM or SIGINT; SIGHUP reads the configuration again. Raises EchogridError.
+
+    `record`: an MCAP file, or a folder, where it is named by the time of the start; `foxglove`: host and port of a live view.
+    """
+    if record is not None and record.is_dir():
+        record /= time.strftime("%Y%m%dT%H%M%SZ.mcap", time.gmtime())
+    service = Service(Pipeline(load_config(config_path, model), config_path), record=record, foxglove=foxglove)
+    notifier = service.manager.notifier
+
+    def reload() -> None:  # in the mapping's thread, between two frames
+        notifier.reloading()
+        try:
+            service.reload(load_config(config_path, model))
+            log.info(f"{config_path} was read again: {service.config.publish}")
+        except EchogridError as error:
+            log.error(f"not reloaded, going on as before: {error}")  # each refusal is told
+        notifier.ready("reloaded")
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: service.workers.stop.set())
+    signal.signal(signal.SIGHUP, lambda *_: reload())
+    service.run()
+    log.info("stopped after %d cycles", service.pipeline.health.cycles)

@@ -1,0 +1,103 @@
+"""From frames to the map: the thread that maps, how far it is behind the buses, and what it hands on to be published."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+
+import can
+import numpy as np
+
+from echogrid.can.frame_queue import FrameQueue
+from echogrid.config.tables import Publish
+from echogrid.core.mapper import MapUpdate
+from echogrid.core.trust.watch import State
+from echogrid.live.workers import WAIT
+from echogrid.pipeline import Pipeline
+from echogrid.topics.announcer import Snapshot, Snapshots
+
+MOST_LAG = 1.0  # s behind the buses, beyond which the newest map is old
+LATENCIES = 512  # of the newest map updates
+
+Add = Callable[[str, can.Message], MapUpdate | None]
+
+
+class Mapping:
+    """Remembers how long frames waited and when the map was changed last. One thread runs `run`; any may ask.
+
+    `add` takes each message to the pipeline. `settings` may be exchanged while it runs.
+    """
+
+    def __init__(self, pipeline: Pipeline, add: Add, queue: FrameQueue) -> None:
+        self.pipeline = pipeline
+        self.settings: Publish = pipeline.config.publish
+        self.lock = threading.Lock()  # held by the mapping while it changes the map, by others for one tile's copy at a time
+        self.outbox = Outbox()
+        self._add = add
+        self._queue = queue
+        self._snapshots = Snapshots()
+        self._mapped_at = time.monotonic()  # when the newest frame was taken in: a lag is latency, not silence
+        self._lag = 0.0  # s, from that frame's receipt to then
+        self._turned_at = time.monotonic()  # when the mapping last came round
+        self._latencies: deque[float] = deque(maxlen=LATENCIES)  # s, from a frame's receipt to the map update that it ended
+
+    def run(self, stop: threading.Event, tap: Callable[[str, can.Message], None] | None = None) -> None:
+        """Until `stop` is set. `tap` is given every frame before it is mapped."""
+        while not stop.is_set():
+            self._turned_at = time.monotonic()
+            item = self._queue.get(timeout=WAIT)
+            if item is None:
+                continue
+            bus, message, received_at = item
+            if tap is not None:
+                tap(bus, message)
+            with self.lock:
+                update = self._add(bus, message)
+                self._mapped_at = time.monotonic()
+                self._lag = self._mapped_at - received_at
+                if update is None:
+                    continue
+                self._latencies.append(time.monotonic() - received_at)
+                snapshot = self._snapshots.take(self.pipeline.mapper, update, self.settings)
+            if snapshot is not None:
+                self.outbox.put(snapshot)
+
+    def state(self) -> State:
+        """Of the map, now. The traffic's own time goes on by the monotonic clock, so that no step of another one matters."""
+        state = self.pipeline.state(round((time.monotonic() - self._mapped_at) * 1e9))
+        if self._lag > MOST_LAG and state.name in ("ok", "degraded"):
+            return State("stale", (f"mapping: {self._lag:.1f} s behind the buses", *state.reasons))
+        return state
+
+    def latency_ms(self) -> dict[str, float | None]:
+        """p50 and p99 of the newest updates, from the receipt of the frame that ended the cycle to the changed map; None: no update yet."""
+        latencies = np.array(self._latencies) * 1e3
+        p50, p99 = np.percentile(latencies, (50, 99)).tolist() if len(latencies) else (None, None)
+        return {"p50": p50, "p99": p99}
+
+    def turned(self) -> float:
+        """s since the mapping last came round: it does so with or without frames."""
+        return time.monotonic() - self._turned_at
+
+
+class Outbox:
+    """Room for one snapshot: a newer one replaces it."""
+
+    def __init__(self) -> None:
+        self._newest: Snapshot | None = None
+        self._filled = threading.Condition()
+
+    def put(self, snapshot: Snapshot) -> None:
+        with self._filled:
+            self._newest = snapshot
+            self._filled.notify()
+
+    def get(self, timeout: float) -> Snapshot | None:
+        """The newest snapshot, once; None after `timeout` seconds."""
+        with self._filled:
+            if self._newest is None:
+                self._filled.wait(timeout)
+            newest, self._newest = self._newest, None
+            return newest

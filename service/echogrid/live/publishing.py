@@ -1,0 +1,67 @@
+"""What goes out: maps as they come, status once a second, to every sink; the thread that publishes."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from echogrid.errors import EchogridError
+from echogrid.live.manager import Manager
+from echogrid.live.mapping import Outbox
+from echogrid.live.workers import WAIT
+from echogrid.topics.announcer import Announcer
+from echogrid.topics.topic import Message, Sink
+
+log = logging.getLogger("echogrid")
+STATUS_PERIOD = 1.0  # s
+META_PERIOD = 10.0  # s: whoever comes later is given the last one, but for who reaches a router at the same moment as the service
+
+
+class Publishing:
+    """Remembers the sinks that still take messages. One thread runs `run`.
+
+    A subscriber that is slow costs nothing but its own messages; a sink that can take no more is told of and left out.
+    """
+
+    def __init__(self, announcer: Announcer, outbox: Outbox, status: Callable[[], dict[str, Any]]) -> None:
+        """`status` is asked once a second for what goes out as status."""
+        self.sinks: list[Sink] = []
+        self._announcer = announcer
+        self._outbox = outbox
+        self._status = status
+
+    def run(self, stop: threading.Event, manager: Manager, measure: Callable[[dict[str, Any]], None]) -> None:
+        """Until `stop` is set. `measure` is given each status as well."""
+
+        def tell(status: dict[str, Any]) -> None:
+            self.send(self._announcer.status(status, time.time_ns()))
+            measure(status)
+
+        status_due = meta_due = time.monotonic()
+        while not stop.is_set():
+            if time.monotonic() >= meta_due:
+                self.send((self._announcer.meta(time.time_ns()),))
+                meta_due += META_PERIOD
+            snapshot = self._outbox.get(timeout=WAIT)
+            if snapshot is not None:
+                self.send(self._announcer.map(snapshot))
+                manager.map_went_out()
+            if time.monotonic() >= status_due:
+                status = self._status()
+                tell(status)
+                manager.tell(status)
+                status_due += STATUS_PERIOD
+        tell({**self._status(), "state": "stopped", "reasons": ()})
+
+    def send(self, messages: Iterable[Message]) -> None:
+        """To all sinks, in this order."""
+        for message in messages:
+            for sink in tuple(self.sinks):
+                try:
+                    sink.put(message)
+                except EchogridError as error:
+                    self.sinks.remove(sink)
+                    log.error(f"{error}; going on without it")  # each is told

@@ -1,0 +1,45 @@
+"""The threads of the service: they start together, and the first one that fails ends all."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+WAIT = 0.1  # s: a thread looks this often whether it is to end
+
+
+class Workers:
+    """Threads that run until `stop` is set. What one of them raises is kept in `failure` and sets `stop`: none goes on without it."""
+
+    def __init__(self) -> None:
+        self.stop = threading.Event()
+        self.failure: Exception | None = None
+        self._threads: list[threading.Thread] = []
+
+    def add(self, name: str, run: Callable[[threading.Event], None]) -> None:
+        """To be started by `with`: `run` ends soon after the event it is given is set."""
+        self._threads.append(threading.Thread(target=self._run, args=(run,), name=name))
+
+    def fail(self, error: Exception) -> None:
+        """Ends all, for this reason."""
+        self.failure = error
+        self.stop.set()
+
+    def __enter__(self) -> Self:
+        for thread in self._threads:
+            thread.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        """Ends all and waits for them."""
+        self.stop.set()
+        for thread in self._threads:
+            thread.join()
+
+    def _run(self, run: Callable[[threading.Event], None]) -> None:
+        try:
+            run(self.stop)
+        except Exception as error:  # no fault of a bus, a disk, a subscriber or whoever asks: those each part survives
+            self.fail(error)
