@@ -31,10 +31,11 @@ bench: .venv/.develop
 	$(BIN)/python -m tests.bench
 
 lint: .venv/.develop
-	@echo "== lint: ruff and mypy (strict for the service)"
+	@echo "== lint: ruff, mypy (strict for the service), and the arrows between rooms"
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy service training
+	$(BIN)/lint-imports
 
 fuzz: .venv/.develop
 	@echo "== fuzz: properties with new examples; then every target for $(FUZZ_SECONDS) s, guided by coverage; findings lie in out/fuzz (docs/security.md)"
