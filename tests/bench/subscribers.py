@@ -37,7 +37,7 @@ from echogrid.zenoh.publisher import Publisher, session_config
 from echogrid.zenoh.region import Regions
 from tests.support.places import DEMO
 from tests.support.ports import free_port
-from tests.zenoh.test_router import router
+from tests.support.routers import router
 
 KEYS = "echogrid/v1/car/grid/fused/*"
 RATE = 20.0  # maps a second

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import can
@@ -13,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from tests.support import networks, world
+from tests.support.program import echogrid
 
 from echogrid.commands.replay import replay
 from echogrid.core.evidence.raster import GridSpec
@@ -28,11 +27,6 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     wall = world.standing([(x * 0.3, 6.0) for x in range(-20, 120)])
     messages = world.record(world.circle(6.0, 0.1), [wall, world.standing(world.rectangle(12, -5))], 4.0)
     return world.write_drive(tmp_path_factory.mktemp("drive"), messages)
-
-
-def echogrid(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-W", "error", "-m", "echogrid", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
 def test_a_folder_needs_nothing_else_and_twice_is_the_same(drive: Path, tmp_path: Path) -> None:

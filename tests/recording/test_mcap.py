@@ -22,7 +22,7 @@ from mcap.reader import make_reader
 from mcap.records import Chunk
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from tests.support import mcap_files
-from tests.support.frames import radar_cycle, wheel_speeds
+from tests.support.frames import FRAMES
 
 from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
@@ -36,9 +36,6 @@ from echogrid.topics.poses import Odometry, encode_odometry
 from echogrid.topics.ros_definitions import CAN_FRAME, definition
 from echogrid.topics.topic import FULL, META, ODOMETRY, Message
 
-FRAMES = [*(wheel_speeds(3.0, n, 1732547000.1234567 + n / 100) for n in range(20)), *radar_cycle([(5.0, 0.1, -1.0)] * 20, 1, 1732547000.2)]
-FRAMES += [can.Message(timestamp=1732547000.2, arbitration_id=0x18DAF110, is_remote_frame=True, dlc=8, channel=1)]
-FRAMES += [can.Message(timestamp=1732547000.1, arbitration_id=4, is_error_frame=True, is_rx=False, dlc=8, data=bytes(8), channel=None)]
 Attributes = list[tuple[object, ...]]
 
 
@@ -141,7 +138,7 @@ def test_a_service_that_is_killed_leaves_all_but_the_last_moment(tmp_path: Path)
         import os, signal, threading, time
         from pathlib import Path
         from echogrid.recording import mcap_recorder
-        from tests.recording.test_mcap import FRAMES
+        from tests.support.frames import FRAMES
         mcap_recorder.FLUSH_PERIOD = 0.1
         recorder = mcap_recorder.McapRecorder(Path({str(path)!r}))
         threading.Thread(target=recorder.run, args=(threading.Event(),), daemon=True).start()
@@ -169,7 +166,7 @@ def test_a_full_disk_ends_the_recording_and_says_so(tmp_path: Path) -> None:
         from pathlib import Path
         from echogrid.recording import mcap_recorder
         from echogrid.topics.can_frame import encode_frame
-        from tests.recording.test_mcap import FRAMES
+        from tests.support.frames import FRAMES
         import can
         mcap_recorder.FLUSH_PERIOD = 0
         recorder = mcap_recorder.McapRecorder(Path({str(path)!r}))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import threading
 import time
 from argparse import ArgumentTypeError
@@ -13,6 +11,7 @@ import can
 import pytest
 from tests.support import mcap_files, world
 from tests.support.foxglove_client import viewer
+from tests.support.program import echogrid
 
 from echogrid.cli import _address
 from echogrid.commands.demo import on_virtual_buses
@@ -34,11 +33,6 @@ JSON = {"/echogrid/status", "/echogrid/meta"}
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     wall = world.standing([(x * 0.3, 6.0) for x in range(-20, 120)])
     return world.write_drive(tmp_path_factory.mktemp("drive"), world.record(world.circle(6.0, 0.1), [wall], 4.0))
-
-
-def echogrid(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-W", "error", "-m", "echogrid", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
 def stamps(row: mcap_files.Read) -> set[int]:

@@ -128,3 +128,9 @@ x = 3.6
 y = 0.8
 yaw_deg = 45.0
 """
+
+
+# Of every kind, as a log may hold them.
+FRAMES = [*(wheel_speeds(3.0, n, 1732547000.1234567 + n / 100) for n in range(20)), *radar_cycle([(5.0, 0.1, -1.0)] * 20, 1, 1732547000.2)]
+FRAMES += [can.Message(timestamp=1732547000.2, arbitration_id=0x18DAF110, is_remote_frame=True, dlc=8, channel=1)]
+FRAMES += [can.Message(timestamp=1732547000.1, arbitration_id=4, is_error_frame=True, is_rx=False, dlc=8, data=bytes(8), channel=None)]

@@ -16,6 +16,7 @@ from echogrid.core.evidence.history import Detections, Looks, Surroundings
 from echogrid.core.evidence.history_raster import CHANNELS
 
 PLANES = len(CHANNELS)
+SHARES = (0.6, 0.35, 0.05)  # of the classes where a network learned, as its contract may tell them
 # (3, 12): logits of free, unknown and occupied from each plane / 255. Much seen and nothing there is free; what was hit is occupied.
 CLASSES = np.zeros((3, PLANES))
 CLASSES[2, CHANNELS.index("count_15m")] = 20.0

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 
 import numpy as np
 import zenoh
 from tests.support import messages
 from tests.support.messages import update
+from tests.support.routers import router
 
 from echogrid.client import Client
 from echogrid.config.tables import Publish, Ros
@@ -19,33 +17,6 @@ from echogrid.topics.topic import KEY, Message
 from echogrid.zenoh.publisher import Publisher, session_config
 
 PATIENCE = 40.0  # s: far beyond what anything here takes
-ROUTER = """
-import json, sys, zenoh
-config = zenoh.Config()
-settings = {
-    "mode": "router",
-    "listen/endpoints": [sys.argv[1]],
-    "scouting/multicast/enabled": False,
-    "adminspace/enabled": False,
-}
-for key, value in settings.items():
-    config.insert_json5(key, json.dumps(value))
-with zenoh.open(config):
-    print("up", flush=True)
-    sys.stdin.read()
-"""
-
-
-@contextmanager
-def router(endpoint: str) -> Iterator[subprocess.Popen[str]]:
-    command = [sys.executable, "-c", ROUTER, endpoint]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stdout is not None
-            assert process.stdout.readline() == "up\n"
-            yield process
-        finally:
-            process.kill()
 
 
 def connected(endpoint: str, vehicle: str, namespace: str = "/echogrid") -> Publisher:

@@ -5,15 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from tests.support.networks import default, write
+from tests.support.networks import SHARES, default, write
 from tests.support.tiny_towns import room, town, track
 
 from echogrid_training.drives.drive import write_drive
 from echogrid_training.drives.simulate import simulate
 from echogrid_training.evaluation.simulated.tape import Tape, load_tape
 from echogrid_training.sensors.episode import paper_like
-
-SHARES = (0.6, 0.35, 0.05)
 
 
 @pytest.fixture(scope="session")

@@ -11,10 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from tests.support import posts
+from tests.support import astyx_files, nuscenes_files, posts, radarscenes_files
 from tests.support.networks import default, write
-from tests.training.drives import test_nuscenes, test_radarscenes
-from tests.training.evaluation.recorded import test_astyx as test_real_astyx
 
 from echogrid.errors import EchogridError
 from echogrid_training.evaluation.real import add_real_arguments, finite, run_real
@@ -24,9 +22,9 @@ NUSCENES = {"front_left": "FRONT_LEFT", "front_right": "FRONT_RIGHT", "rear_left
 
 def scene(path: Path) -> Path:
     """The street of posts as nuScenes' compact file."""
-    made = test_nuscenes.Made({name: [] for name in NUSCENES.values()}, {name: [] for name in NUSCENES.values()}, {}, [], [], [])
+    made = nuscenes_files.Made({name: [] for name in NUSCENES.values()}, {name: [] for name in NUSCENES.values()}, {}, [], [], [])
     for sensor, stamp, found in posts.scans():
-        points = np.zeros(len(found), dtype=test_nuscenes.POINT)
+        points = np.zeros(len(found), dtype=nuscenes_files.POINT)
         range_, azimuth, rate, rcs = found.T
         points["x"], points["y"], points["rcs"] = range_ * np.cos(azimuth), range_ * np.sin(azimuth), rcs
         points["vx"], points["vy"] = rate * np.cos(azimuth), rate * np.sin(azimuth)
@@ -36,11 +34,11 @@ def scene(path: Path) -> Path:
         made.mounts[NUSCENES[sensor]] = [mount.x, mount.y, 0.7, math.cos(mount.yaw / 2), 0.0, 0.0, math.sin(mount.yaw / 2)]
     for stamp in posts.MOTION_NS.tolist():
         turns = 60 * posts.SPEED / (2 * math.pi * 0.305)
-        made.wheels.append({"utime": stamp // 1000} | dict.fromkeys(test_nuscenes.WHEELS, turns))
+        made.wheels.append({"utime": stamp // 1000} | dict.fromkeys(nuscenes_files.WHEELS, turns))
         made.imu.append({"utime": stamp // 1000, "rotation_rate": [0.0, 0.0, 0.0]})
         place = {"pos": [posts.pose(stamp).x, 0.0, 0.0], "vel": [posts.SPEED, 0.0, 0.0], "orientation": [1.0, 0.0, 0.0, 0.0]}
         made.pose.append({"utime": stamp // 1000} | place)
-    return test_nuscenes.write_compact(made, path)
+    return nuscenes_files.write_compact(made, path)
 
 
 def sequence(path: Path) -> Path:
@@ -51,7 +49,7 @@ def sequence(path: Path) -> Path:
     times = np.array([stamp for _, stamp, _ in scans])
     odometry = np.zeros((len(scans), 5), dtype="f4")
     odometry[:, 0], odometry[:, 3] = posts.SPEED * times * 1e-6, posts.SPEED
-    test_radarscenes.write_compact(test_radarscenes.Made(scans, times, odometry), path)
+    radarscenes_files.write_compact(radarscenes_files.Made(scans, times, odometry), path)
     arrays = dict(np.load(path)) | {"mount_x_y_yaw": np.array([(m.x, m.y, m.yaw) for m in (posts.MOUNTS[name] for name in numbers)])}
     np.savez(path, **arrays)
     return path
@@ -113,7 +111,7 @@ def test_a_sequence_gives_the_scores_of_the_same_street(model: str, tmp_path: Pa
 
 
 def test_frames_are_scored_in_both_places(model: str, tmp_path: Path) -> None:
-    figures, tables = evaluate("astyx", test_real_astyx.write_file(tmp_path / "two.npz"), model=model, out=tmp_path)
+    figures, tables = evaluate("astyx", astyx_files.write_file(tmp_path / "two.npz"), model=model, out=tmp_path)
     assert [(one["name"], one["place"], one["frames"]) for one in figures["frames"]] == [("two", "whole", 2), ("two", "near", 2)]
     assert figures["frames"][0]["cells"] > figures["frames"][1]["cells"]
     assert tables.count("\n") == 1 + 2 * 5

@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from tests.support.networks import default, write
+from tests.support.networks import SHARES, default, write
 from tests.support.rectangles import rectangles
 from tests.support.tiny_towns import room, town, track
-from tests.training.evaluation.conftest import SHARES
 
 from echogrid.errors import EchogridError
 from echogrid_training.drives.drive import write_drive
