@@ -1,4 +1,4 @@
-"""The file of tiles against plain arrays, and what is no such file."""
+"""The tiles of a store against plain arrays, and against readers that know the documentation alone."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 import zstandard
-from tests.support import disk
 from tests.support.places import DOCS
+from tests.support.stores import LOOKS, SUM, filled, random_tile, same
 
 from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.map.look_map import Calibration, LookMap
@@ -20,26 +20,9 @@ from echogrid.core.map.tile import SIDE, Tile, TileKey
 from echogrid.core.map.tiled_map import View
 from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
-from echogrid.store.epoch import Description, Epoch
-from echogrid.store.store_file import ForeignFileError, StoreError
+from echogrid.store.store_file import StoreError
 from echogrid.store.stored_map import describe, stored_map
 from echogrid.store.tile_store import TileStore
-
-LOOKS = Description(17, "car", 0.25, "looks", 3.5, Calibration(1.2, -0.1), ("front", "rear"))
-SUM = Description(18, "car", 0.25, "sum", 3.0, Calibration(), ("front",))
-
-
-def random_tile(rng: np.random.Generator, layers: int = 4) -> Tile:
-    return Tile(
-        rng.normal(size=(layers, SIDE, SIDE)).astype(np.float32),
-        rng.integers(0, 2**32, (SIDE, SIDE), dtype=np.uint32),
-        rng.integers(0, 2**16, (SIDE, SIDE), dtype=np.uint16),
-    )
-
-
-def same(one: Tile | None, other: Tile) -> bool:
-    assert one is not None
-    return all(getattr(one, name).tobytes() == getattr(other, name).tobytes() for name in ("layers", "seen_s", "radars"))
 
 
 def test_what_was_written_is_read_bit_for_bit(tmp_path: Path) -> None:
@@ -192,128 +175,6 @@ def test_many_writes_keep_the_wal_file_small(tmp_path: Path) -> None:
     assert [file.name for file in tmp_path.iterdir()] == ["a.egmap"]  # closed, there is nothing beside it
 
 
-def foreign_database(path: Path) -> None:
-    connection = sqlite3.connect(path)
-    connection.executescript("CREATE TABLE other(a); INSERT INTO other VALUES (1)")
-    connection.close()
-
-
-def other_tables(path: Path) -> None:
-    connection = sqlite3.connect(path)
-    connection.executescript(
-        "PRAGMA application_id = 0x65676d70; PRAGMA user_version = 1; CREATE TABLE tile(a); CREATE VIEW epoch AS SELECT 1"
-    )
-    connection.close()
-
-
-def newer(path: Path) -> None:
-    TileStore(path, write=True).close()
-    connection = sqlite3.connect(path)
-    connection.execute("PRAGMA user_version = 2")
-    connection.close()
-
-
-@pytest.mark.parametrize("write", [False, True])
-@pytest.mark.parametrize(
-    ("make", "sentence"),
-    [
-        (lambda path: path.write_bytes(b"x" * 5000), "is no map of echogrid: it is no SQLite file"),
-        (lambda path: path.write_text("[map]"), "is no map of echogrid: it is no SQLite file"),
-        (foreign_database, "is no map of echogrid: application id 0x00000000 found, expected 0x65676D70"),
-        (other_tables, "is no map of echogrid: tables epoch, tile found, expected epoch, tile as this version makes them"),
-        (newer, "a map of version 2 found, expected 1: update echogrid, or name another file"),
-    ],
-)
-def test_another_file_is_one_sentence_and_stays_as_it_is(tmp_path: Path, make: object, sentence: str, write: bool) -> None:
-    assert callable(make)
-    path = tmp_path / "a.egmap"
-    make(path)
-    before = path.read_bytes()
-    with pytest.raises(ForeignFileError) as refused:
-        TileStore(path, write=write)
-    assert str(refused.value).startswith(f"{path}: ")
-    assert sentence in str(refused.value)
-    assert path.read_bytes() == before
-
-
-def test_a_file_that_is_not_there_or_empty_is_one_sentence(tmp_path: Path) -> None:
-    path = tmp_path / "a.egmap"
-    with pytest.raises(StoreError, match=r"a\.egmap: unable to open database file"):
-        TileStore(path)
-    path.touch()
-    with pytest.raises(StoreError, match=r"a\.egmap: is empty"):
-        TileStore(path)
-    with TileStore(path, write=True) as store:  # what a process leaves that was killed at its first breath
-        assert store.begin(LOOKS) == 1
-    with pytest.raises(StoreError, match="unable to open"):
-        TileStore(tmp_path / "nowhere" / "a.egmap", write=True)
-
-
-def filled(path: Path, tiles: int = 30) -> dict[TileKey, Tile]:
-    rng = np.random.default_rng(5)
-    made = {(n, 0): random_tile(rng) for n in range(tiles)}
-    with TileStore(path, write=True) as store:
-        store.write(store.begin(LOOKS), made, 5)
-    return made
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_a_torn_file_gives_right_tiles_or_a_sentence(tmp_path: Path, seed: int) -> None:
-    """Cut short, or with some bytes overwritten: never another tile than the one that was written, never a traceback."""
-    path, rng = tmp_path / "a.egmap", np.random.default_rng(seed)
-    made = filled(path)
-    data = bytearray(path.read_bytes())
-    if seed % 3 == 0:
-        del data[int(rng.integers(1, len(data))) :]
-    else:
-        for place in rng.integers(0 if seed % 3 == 1 else 4096, len(data), 40):
-            data[place : place + 64] = rng.bytes(64)
-    path.write_bytes(data)
-    told: list[str] = []
-    try:
-        with TileStore(path) as store:
-            for key, tile in made.items():
-                try:
-                    found = store.read(1, key)
-                    assert found is None or same(found, tile)
-                    told += [] if found else [f"{path}: {key} is gone"]
-                except StoreError as error:
-                    told.append(str(error))
-    except (StoreError, ForeignFileError) as error:
-        told.append(str(error))
-    assert told
-    assert all(sentence.startswith(f"{path}: ") for sentence in told)
-
-
-@pytest.mark.parametrize(
-    ("column", "value"),
-    [
-        ("cell", -1.0),
-        ("cell", "x"),
-        ("kind", "mean"),
-        ("clamp", 0.0),
-        ("calibration", "[1]"),
-        ("calibration", "[1e999, 0]"),
-        ("calibration", b"\xff"),
-        ("radars", '["a", 3]'),
-        ("radars", str([f"r{n}" for n in range(17)]).replace("'", '"')),
-        ("begun_ns", "now"),
-    ],
-)
-def test_an_epoch_that_cannot_be_is_one_sentence(tmp_path: Path, column: str, value: object) -> None:
-    path = tmp_path / "a.egmap"
-    filled(path, tiles=1)
-    connection = sqlite3.connect(path)
-    connection.execute(f"UPDATE epoch SET {column} = ?", (value,))
-    connection.commit()
-    connection.close()
-    with TileStore(path) as store:
-        with pytest.raises(EchogridError, match=r"a\.egmap: epoch 1"):
-            store.epochs()
-        with pytest.raises(EchogridError, match=r"a\.egmap: epoch 1"):
-            stored_map(store, 1)
-
-
 @pytest.mark.parametrize("data", [b"", b"nothing", zstandard.compress(b"short"), zstandard.compress(bytes(22 * SIDE * SIDE + 1))])
 def test_data_that_is_no_tile_is_one_sentence(tmp_path: Path, data: bytes) -> None:
     path = tmp_path / "a.egmap"
@@ -337,23 +198,3 @@ def test_a_bomb_is_not_unpacked(tmp_path: Path) -> None:
     connection.close()
     with TileStore(path) as store, pytest.raises(StoreError, match="268435456 bytes found, expected 360448"):
         store.read(1, (0, 0))
-
-
-def test_a_map_on_a_disk_that_cannot_be_written_is_read(tmp_path: Path) -> None:
-    shown = tmp_path / "shown"
-    shown.mkdir()
-    made = filled(shown / "a.egmap", tiles=2)
-    with disk.read_only(tmp_path / "disk", shown) as folder:
-        with TileStore(folder / "a.egmap") as store:
-            assert same(store.read(1, (1, 0)), made[1, 0])
-        for name in ("a.egmap", "b.egmap"):  # one that is there, and one that cannot be made
-            with pytest.raises(StoreError) as refused, TileStore(folder / name, write=True) as store:
-                store.begin(LOOKS)
-            assert refused.value.state == "read-only"
-    assert [path.name for path in shown.iterdir()] == ["a.egmap"]
-
-
-def test_an_epoch_without_tiles_has_no_newest_stamp(tmp_path: Path) -> None:
-    with TileStore(tmp_path / "a.egmap", write=True) as store:
-        store.begin(SUM)
-        assert store.epochs() == (Epoch(1, SUM, 0, 0, None),)

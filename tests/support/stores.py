@@ -16,6 +16,8 @@ from echogrid.store.tile_store import TileStore
 CELL = 0.25
 LEARNED = Calibration(1.5, -0.25)
 NAMES = ("left", "right", "rear")
+LOOKS = Description(17, "car", 0.25, "looks", 3.5, Calibration(1.2, -0.1), ("front", "rear"))
+SUM = Description(18, "car", 0.25, "sum", 3.0, Calibration(), ("front",))
 Tiles = dict[TileKey, Tile]
 
 
@@ -77,3 +79,27 @@ def three_epochs(path: Path) -> Path:
     write_store(path, random_tiles(1, kind="sum"), described("sum"))
     write_store(path, {})
     return write_store(path, random_tiles(2))
+
+
+def random_tile(rng: np.random.Generator, layers: int = 4) -> Tile:
+    """Every bit is noise."""
+    return Tile(
+        rng.normal(size=(layers, SIDE, SIDE)).astype(np.float32),
+        rng.integers(0, 2**32, (SIDE, SIDE), dtype=np.uint32),
+        rng.integers(0, 2**16, (SIDE, SIDE), dtype=np.uint16),
+    )
+
+
+def same(one: Tile | None, other: Tile) -> bool:
+    """Bit for bit."""
+    assert one is not None
+    return all(getattr(one, name).tobytes() == getattr(other, name).tobytes() for name in ("layers", "seen_s", "radars"))
+
+
+def filled(path: Path, tiles: int = 30) -> dict[TileKey, Tile]:
+    """A store with one epoch, and what is in it."""
+    rng = np.random.default_rng(5)
+    made = {(n, 0): random_tile(rng) for n in range(tiles)}
+    with TileStore(path, write=True) as store:
+        store.write(store.begin(LOOKS), made, 5)
+    return made
