@@ -13,14 +13,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import pytest
 import trustme
 from tests.support import messages
 from tests.support.status import status
 
 from echogrid.config.tables import Publish, Ros, Tls
-from echogrid.errors import EchogridError
-from echogrid.watching.status_text import lines
 from echogrid.zenoh.publisher import Publisher
 
 COMMAND = [sys.executable, "-W", "error", "-m", "echogrid", "status"]
@@ -116,20 +113,6 @@ def test_nobody_there_is_one_sentence(endpoint: str) -> None:
     assert done.stderr == (
         f"echogrid: vehicle 'car' at {endpoint}: no status within 5 s, expected a service that listens there for this vehicle\n"
     )
-
-
-def test_what_comes_moves_no_cursor() -> None:
-    shown = lines(status("ok\x1b[2J", "radar \r\x07x: \x9b1m"), "car")
-    assert shown[:2] == [[("car", "bold"), (" is ", ""), ("ok?[2J", "bold red")], [("  radar ??x: ?1m", "red")]]
-    assert all(text.isprintable() for line in shown for text, _ in line)
-
-
-def test_a_status_that_says_less_is_shown_and_what_is_none_is_one_sentence() -> None:
-    assert lines({"state": "ok"}, "car")[1] == [("map       ", "dim"), ("- updates/s, epoch -", "")]
-    with pytest.raises(
-        EchogridError, match="^vehicle 'car': the status is none that this version of echogrid reads: Expected `str`, got `int`"
-    ):
-        lines({"state": 3}, "car")
 
 
 def test_watching_follows_until_it_is_interrupted(endpoint: str) -> None:
