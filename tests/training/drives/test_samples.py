@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.support import networks
-from tests.support.tiny_towns import room, town, track
+from tests.support.tiny_drives import room_drive
+from tests.support.tiny_towns import track
 
 from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
@@ -19,11 +20,8 @@ from echogrid.logs.drive import find_drive
 from echogrid.logs.log import Log
 from echogrid.model.network import OnnxSensorModel
 from echogrid.pipeline import Pipeline
-from echogrid_training.drives.drive import write_drive
 from echogrid_training.drives.samples import SPACING, Sample, samples
-from echogrid_training.drives.simulate import simulate
 from echogrid_training.sensors.disturbance import Disturbance
-from echogrid_training.sensors.episode import paper_like
 from echogrid_training.truth.ground_truth import ternary
 
 SPEC = GridSpec()
@@ -32,9 +30,7 @@ SPEC = GridSpec()
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("samples") / "drive"
-    recording, truth = simulate(town(*room(28.0, 14.0), ego=track(3.0, speed=3.0)), paper_like(2))
-    write_drive(recording, folder, truth_map=truth)
-    return folder
+    return room_drive(folder, track(3.0, speed=3.0))
 
 
 @pytest.fixture(scope="module")

@@ -5,21 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from tests.support import tiny_drives
 from tests.support.networks import SHARES, default, write
-from tests.support.tiny_towns import room, town, track
+from tests.support.tiny_towns import track
 
-from echogrid_training.drives.drive import write_drive
-from echogrid_training.drives.simulate import simulate
 from echogrid_training.evaluation.simulated.tape import Tape, load_tape
-from echogrid_training.sensors.episode import paper_like
 
 
 @pytest.fixture(scope="session")
 def room_drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("room") / "drive"
-    recording, truth = simulate(town(*room(30.0, 14.0), ego=track(4.0, speed=3.5, x=-7.0)), paper_like(2))
-    write_drive(recording, folder, truth_map=truth)
-    return folder
+    return tiny_drives.room_drive(folder, track(4.0, speed=3.5, x=-7.0), length=30.0)
 
 
 @pytest.fixture(scope="session")

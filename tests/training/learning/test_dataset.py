@@ -8,13 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.support.tiny_towns import room, town, track
+from tests.support.tiny_drives import room_drive
+from tests.support.tiny_towns import track
 
 from echogrid.core.motion.se2 import IDENTITY
 from echogrid.errors import EchogridError
-from echogrid_training.drives.drive import write_drive
 from echogrid_training.drives.samples import Sample, samples
-from echogrid_training.drives.simulate import simulate
 from echogrid_training.learning.dataset import (
     Samples,
     find_drives,
@@ -30,7 +29,6 @@ from echogrid_training.learning.dataset import (
     ternary,
     turned,
 )
-from echogrid_training.sensors.episode import paper_like
 from echogrid_training.truth.ground_truth import soft as true_soft
 from echogrid_training.truth.ground_truth import ternary as true_ternary
 
@@ -38,9 +36,7 @@ from echogrid_training.truth.ground_truth import ternary as true_ternary
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("dataset") / "train-00000"
-    recording, truth = simulate(town(*room(28.0, 14.0), ego=track(1.5, speed=3.0)), paper_like(2))
-    write_drive(recording, folder, truth_map=truth)
-    return folder
+    return room_drive(folder, track(1.5, speed=3.0))
 
 
 def names(folder: Path, *drives: str) -> list[Path]:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 from tests.support import networks
-from tests.support.tiny_towns import room, town, track
+from tests.support.tiny_drives import room_drive
+from tests.support.tiny_towns import town, track
 
 from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.map.look_map import Calibration
@@ -24,8 +25,7 @@ def drives(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Two rooms, eleven metres through each."""
     out = tmp_path_factory.mktemp("calibration")
     for seed, width in ((3, 14.0), (4, 24.0)):
-        recording, truth = simulate(town(*room(30.0, width), ego=track(1.8, speed=6.0, x=-5.0)), paper_like(seed))
-        write_drive(recording, out / f"room-{seed}", truth_map=truth)
+        room_drive(out / f"room-{seed}", track(1.8, speed=6.0, x=-5.0), length=30.0, width=width, seed=seed)
     return sorted(out.iterdir())
 
 

@@ -15,16 +15,14 @@ from typing import Any
 
 import pytest
 import torch
-from tests.support.tiny_towns import room, town, track
+from tests.support.tiny_drives import room_drive
+from tests.support.tiny_towns import track
 
 from echogrid.errors import EchogridError
-from echogrid_training.drives.drive import write_drive
-from echogrid_training.drives.simulate import simulate
 from echogrid_training.learning import train
 from echogrid_training.learning.dataset import load_drive, ternary
 from echogrid_training.learning.train import Settings, load_trained
 from echogrid_training.paper import reproduce
-from echogrid_training.sensors.episode import paper_like
 from echogrid_training.truth import ground_truth
 
 NAMES = ("lidar-inverse", "lidar-independent", "radar-inverse", "radar-independent")
@@ -34,8 +32,7 @@ NAMES = ("lidar-inverse", "lidar-independent", "radar-inverse", "radar-independe
 def drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """learn/a, learn/b and test/c, with samples cut already."""
     folder = tmp_path_factory.mktemp("reproduce")
-    recording, truth = simulate(town(*room(28.0, 14.0), ego=track(1.5, speed=4.0)), paper_like(2))
-    write_drive(recording, folder / "learn" / "a", truth_map=truth)
+    room_drive(folder / "learn" / "a", track(1.5, speed=4.0))
     for name in ("learn/b", "test/c"):
         shutil.copytree(folder / "learn" / "a", folder / name)
     return folder

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.support import networks
-from tests.support.tiny_towns import room, town, track
+from tests.support.tiny_drives import room_drive
+from tests.support.tiny_towns import track
 
 from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.map.look_map import Calibration, LookMap
@@ -19,9 +20,6 @@ from echogrid.core.map.tile import SIDE, Tile
 from echogrid.core.map.tiled_map import TiledMap
 from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
-from echogrid_training.drives.drive import write_drive
-from echogrid_training.drives.simulate import simulate
-from echogrid_training.sensors.episode import paper_like
 from echogrid_training.truth.local_map import LocalMap, local_maps, patch
 
 SMALL = GridSpec(cells=12, cell=0.25)
@@ -31,9 +29,7 @@ SMALL = GridSpec(cells=12, cell=0.25)
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Nine metres round a bend to the left."""
     folder = tmp_path_factory.mktemp("local") / "drive"
-    recording, truth = simulate(town(*room(28.0, 20.0), ego=track(3.0, speed=3.0, yaw_rate=0.3, x=-4.0)), paper_like(2))
-    write_drive(recording, folder, truth_map=truth)
-    return folder
+    return room_drive(folder, track(3.0, speed=3.0, yaw_rate=0.3, x=-4.0), width=20.0)
 
 
 @pytest.fixture(scope="module")
