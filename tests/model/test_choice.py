@@ -36,7 +36,7 @@ def files(folder: Path, int8: object = None) -> list[Path]:
     """A network in int8 and in float; `int8`: other golden answers for the first."""
     change = {} if int8 is None else {"golden": int8}
     return [
-        write(folder / "default.x86.onnx", *networks.default(precision="int8", **change)),
+        write(folder / "default.int8.onnx", *networks.default(precision="int8", **change)),
         write(folder / "default.onnx", *networks.default()),
     ]
 
@@ -48,9 +48,9 @@ def test_the_first_sound_file_runs_unless_the_other_is_clearly_faster(
     """A tenth may be noise: a machine that chose anew at every start would not draw the same map twice."""
     monkeypatch.setattr(model_choice, "measure", lambda _: list(times))
     choice = choose_file(files(tmp_path), SPEC, {})
-    name = "default.onnx" if times == (0.005, 0.002) else "default.x86.onnx"
+    name = "default.onnx" if times == (0.005, 0.002) else "default.int8.onnx"
     assert choice.model.path == tmp_path / name
-    said = " ms, ".join(f"{path} {seconds * 1e3:.1f}" for path, seconds in zip(("default.x86.onnx", "default.onnx"), times, strict=True))
+    said = " ms, ".join(f"{path} {seconds * 1e3:.1f}" for path, seconds in zip(("default.int8.onnx", "default.onnx"), times, strict=True))
     assert choice.why == f"{name}, by {said} ms, SHA-256 {sha256(choice.model.path)}"
 
 
@@ -59,7 +59,7 @@ def test_a_file_that_answers_wrongly_here_gives_way_and_it_is_said(tmp_path: Pat
     assert choice.model.path == tmp_path / "default.onnx"
     assert choice.model.contract.precision == "float"
     assert choice.why.startswith("default.onnx, by default.onnx ")
-    assert choice.why.endswith(f"; {tmp_path / 'default.x86.onnx'}: golden answer 0 is off by 1, expected at most 0.05")
+    assert choice.why.endswith(f"; {tmp_path / 'default.int8.onnx'}: golden answer 0 is off by 1, expected at most 0.05")
 
 
 def test_where_no_file_is_sound_the_last_is_blamed(tmp_path: Path) -> None:
@@ -76,14 +76,8 @@ def test_each_file_is_run_as_often_as_the_other(tmp_path: Path) -> None:
     assert all(0 < seconds < 1 for seconds in times)
 
 
-@pytest.mark.parametrize(("machine", "target"), [("x86_64", "x86"), ("AMD64", "x86"), ("aarch64", "arm"), ("arm64", "arm")])
-def test_int8_is_looked_for_first_and_for_this_machine(tmp_path: Path, machine: str, target: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(model_choice, "files", lambda _: tmp_path)
-    monkeypatch.setattr("platform.machine", lambda: machine)
-    (tmp_path / "models").mkdir()
-    for name in ("default", "default.x86", "default.arm", "paper"):
-        (tmp_path / "models" / f"{name}.onnx").touch()
-    assert [path.name for path in shipped("default")] == [f"default.{target}.onnx", "default.onnx"]
+def test_int8_is_looked_for_first() -> None:
+    assert [path.name for path in shipped("default")] == ["default.int8.onnx", "default.onnx"]
     assert [path.name for path in shipped("paper")] == ["paper.onnx"]
 
 
@@ -160,15 +154,13 @@ def test_the_file_says_which_map_it_is_for_and_the_configuration_may_say_otherwi
 
 
 def test_the_shipped_files_are_sound_here_and_say_nearly_the_same() -> None:
-    """All of the default network's, whatever machine they are for: int8 kernels for either exist everywhere."""
     spec = GridSpec()
-    models = [OnnxSensorModel(folder() / f"default{kind}.onnx", spec, {}) for kind in ("", ".x86", ".arm")]
-    assert [model.contract.precision for model in models] == ["float", "int8", "int8"]
-    assert len({model.contract.calibration for model in models}) == 1
-    golden = np.frombuffer(zlib.decompress(models[0].contract.golden[0].image), np.uint8).reshape(networks.PLANES, 128, 128)
-    exact, *rounded = (model.answer(golden) for model in models)
-    for log_odds, weight in rounded:
-        both = (exact[1] > 0.5) & (weight > 0.5)
-        assert both.sum() > 1000
-        assert np.median(np.abs(log_odds - exact[0])[both]) < 0.3
-        assert np.abs(weight - exact[1]).mean() < 0.02
+    exact, rounded = (OnnxSensorModel(folder() / f"default{kind}.onnx", spec, {}) for kind in ("", ".int8"))
+    assert (exact.contract.precision, rounded.contract.precision) == ("float", "int8")
+    assert exact.contract.calibration == rounded.contract.calibration
+    golden = np.frombuffer(zlib.decompress(exact.contract.golden[0].image), np.uint8).reshape(networks.PLANES, 128, 128)
+    (log_odds, weight), (near, near_weight) = exact.answer(golden), rounded.answer(golden)
+    both = (weight > 0.5) & (near_weight > 0.5)
+    assert both.sum() > 1000
+    assert np.median(np.abs(near - log_odds)[both]) < 0.3
+    assert np.abs(near_weight - weight).mean() < 0.02

@@ -27,6 +27,6 @@ def unet(tmp_path_factory: pytest.TempPathFactory) -> tuple[Trained, Path]:
 
 @pytest.fixture(scope="session")
 def unet_files(unet: tuple[Trained, Path], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """default.onnx, default.x86.onnx and default.arm.onnx by name; int8 with steps by 16 rooms of its own."""
+    """default.onnx and default.int8.onnx by name; int8 with steps by 16 rooms of its own."""
     paths = export(unet[0], tmp_path_factory.mktemp("files"), READ_OUT, rectangles(16, 3).images)
     return {path.name: path for path in paths}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 import statistics
 import time
 from collections.abc import Mapping
@@ -19,7 +18,6 @@ from echogrid.errors import EchogridError
 from echogrid.model.network import PAPER, OnnxSensorModel
 
 SHIPPED = ("default", "paper")
-ARM = ("aarch64", "arm64", "armv7l", "armv8l")
 RUNS = 9  # that a file is timed by
 CLEARLY = 0.7  # of the first file's time: nearer ones may be noise, and the same machine must choose the same file each time
 
@@ -55,8 +53,8 @@ def sums() -> dict[str, str]:
 
 
 def shipped(name: str) -> list[Path]:
-    """Files of a shipped network for this machine: int8 first, where there is one."""
-    int8 = folder() / f"{name}.{'arm' if platform.machine().lower() in ARM else 'x86'}.onnx"
+    """Files of a shipped network: int8 first, where there is one."""
+    int8 = folder() / f"{name}.int8.onnx"
     return [*([int8] if int8.exists() else []), folder() / f"{name}.onnx"]
 
 

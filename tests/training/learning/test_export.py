@@ -102,7 +102,7 @@ def test_no_file_tells_of_the_machine_that_made_it(file: Path, unet_files: dict[
 
 def test_the_defaults_file_takes_folded_bytes(unet_files: dict[str, Path]) -> None:
     """Nothing but convolutions, and nearest neighbours on the way up: no folding, no batch norm, no deconvolution."""
-    assert list(unet_files) == ["default.onnx", "default.x86.onnx", "default.arm.onnx"]
+    assert list(unet_files) == ["default.onnx", "default.int8.onnx"]
     proto = onnx.load(unet_files["default.onnx"])
     assert {node.op_type for node in proto.graph.node} <= {"Cast", "Div", "Conv", "Relu", "Concat", "Resize"}
     for path in unet_files.values():

@@ -210,7 +210,7 @@ def test_the_command_splits_trains_judges_and_exports(network: str, tmp_path: Pa
     assert "| validation: 1 | 2 |" in said
     assert "| test: 4 | 8 |" in said
     assert loaded == [(3, True), (1, True), (4, False)]
-    files = {f"{network}.onnx"} if network == "paper" else {"default.onnx", "default.x86.onnx", "default.arm.onnx"}
+    files = {f"{network}.onnx"} if network == "paper" else {"default.onnx", "default.int8.onnx"}
     written = {path.name for path in out.iterdir() if path.is_file() and not path.name.startswith("events.")}
     assert written == {"log.jsonl", "checkpoint.pt", "model.pt"} | files
     assert all(str(out / name) in said for name in files)

@@ -26,7 +26,7 @@ from echogrid.errors import EchogridError
 from echogrid.model.network import KEY, PAPER, VERSION, Contract, Golden, OnnxSensorModel, Precision, coarse, fed, unfolded
 from echogrid_training.learning.autoencoder import CELLS, SLOPE, PaperAutoencoder
 from echogrid_training.learning.dataset import Samples
-from echogrid_training.learning.quantise import TARGETS, quantised
+from echogrid_training.learning.quantise import quantised
 from echogrid_training.learning.train import Trained
 from echogrid_training.learning.unet import CLASS_WEIGHTS, UNet, corrected
 
@@ -127,7 +127,7 @@ class ExportedUNet(nn.Module):
 
 
 def export(trained: Trained, out: Path, calibration: Calibration, calibrating: Bytes | None = None) -> list[Path]:
-    """Writes NETWORK.onnx and, with images (N, 12, 128, 128) to choose the steps by, NETWORK.x86.onnx and NETWORK.arm.onnx in int8.
+    """Writes NETWORK.onnx and, with images (N, 12, 128, 128) to choose the steps by, NETWORK.int8.onnx.
 
     A file appears once the service would take it and, in float, it agrees with PyTorch. Raises EchogridError where it does not, and
     leaves what was there.
@@ -139,8 +139,7 @@ def export(trained: Trained, out: Path, calibration: Calibration, calibrating: B
     if calibrating is not None:
         shown = pixel_unshuffle(torch.from_numpy(calibrating).float() / 255, 2).numpy()
         graph = traced(trained, torch.float32)
-        for target in TARGETS:
-            written.append(write(trained, out / f"{name}.{target}.onnx", quantised(graph, INPUT, shown, target), "int8", calibration))
+        written.append(write(trained, out / f"{name}.int8.onnx", quantised(graph, INPUT, shown), "int8", calibration))
     return written
 
 
