@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import cantools
 import numpy as np
-import opendbc
 import pytest
 from tests.support.frames import frame, wheel_speeds, yaw_rate
 
@@ -17,8 +17,6 @@ from echogrid.can.profile import find, load_motion
 from echogrid.core.health import Health
 from echogrid.core.messages import Speed, YawRate
 from echogrid.errors import EchogridError
-
-VENDOR = Path(opendbc.__file__).parent / "dbc"
 
 
 def reader(profile: str, dbc: Path | None = None, radius: float | None = None) -> tuple[MotionReader, Health]:
@@ -59,9 +57,8 @@ def test_the_counter_says_how_many_frames_are_missing() -> None:
     assert health.lost_frames == 2
 
 
-def test_toyota_wheel_speeds_equal_cantools(tmp_path: Path) -> None:
-    path = tmp_path / "toyota.dbc"
-    path.write_text(opendbc.get_generated_dbcs()["toyota_nodsu_pt_generated"])
+def test_toyota_wheel_speeds_equal_cantools(vendor_dbc: Callable[[str], Path]) -> None:
+    path = vendor_dbc("toyota_nodsu_pt_generated")
     motion, _ = reader("toyota_motion", path)
     dbc = cantools.database.load_file(path, strict=False)
     random = np.random.default_rng(1)
@@ -88,10 +85,10 @@ yaw_rate = { signal = "VehYaw_W_Actl", unit = "rad/s" }
 """
 
 
-def test_turn_rates_of_wheels_need_the_tyres_radius_and_sentinels_are_no_speeds(tmp_path: Path) -> None:
+def test_turn_rates_of_wheels_need_the_tyres_radius_and_sentinels_are_no_speeds(tmp_path: Path, vendor_dbc: Callable[[str], Path]) -> None:
     path = tmp_path / "ford.toml"
     path.write_text(FORD)
-    dbc = Dbc(VENDOR / "ford_lincoln_base_pt.dbc", path)
+    dbc = Dbc(vendor_dbc("ford_lincoln_base_pt"), path)
     with pytest.raises(EchogridError, match="wheel_radius is missing"):
         MotionReader(load_motion(path), dbc, None, Health())
     motion = MotionReader(load_motion(path), dbc, 0.33, Health())
@@ -120,11 +117,11 @@ counter = "COUNTER"
 """
 
 
-def test_a_sign_bit_in_a_signal_of_its_own(tmp_path: Path) -> None:
+def test_a_sign_bit_in_a_signal_of_its_own(tmp_path: Path, vendor_dbc: Callable[[str], Path]) -> None:
     path = tmp_path / "vw.toml"
     path.write_text(VW)
-    motion = MotionReader(load_motion(path), Dbc(VENDOR / "vw_mqb.dbc", path), None, Health())
-    message = motion_message = cantools.database.load_file(VENDOR / "vw_mqb.dbc", strict=False).get_message_by_name("ESP_02")
+    motion = MotionReader(load_motion(path), Dbc(vendor_dbc("vw_mqb"), path), None, Health())
+    message = motion_message = cantools.database.load_file(vendor_dbc("vw_mqb"), strict=False).get_message_by_name("ESP_02")
     for counter, (bit, expected) in enumerate(((0, 12.5), (1, -12.5))):
         values = {signal.name: 0 for signal in message.signals} | {"ESP_Gierrate": 12.5, "ESP_VZ_Gierrate": bit, "COUNTER": counter}
         (turn,) = motion.add(frame(motion_message.frame_id, message.encode(values, strict=False), 1.0), 1)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import can
 import cantools
 import numpy as np
-import opendbc
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -21,7 +21,6 @@ from echogrid.core.health import SensorHealth
 from echogrid.core.messages import RadarScan
 from echogrid.errors import EchogridError
 
-VENDOR = Path(opendbc.__file__).parent / "dbc"
 DETECTIONS: list[Detection] = [(3.0 + 0.7 * i, -1.2 + 0.11 * i, -9.5 + 0.8 * i) for i in range(21)]
 
 
@@ -105,9 +104,9 @@ def test_detections_flagged_invalid_or_at_no_range_are_dropped_and_counted() -> 
     assert health.invalid == 1
 
 
-def _ford(detections: list[Detection], index: int, time: float, stray: bool = False) -> list[can.Message]:
+def _ford(path: Path, detections: list[Detection], index: int, time: float, stray: bool = False) -> list[can.Message]:
     """One cycle of the MRR: detections, then headers, coverage last."""
-    dbc = cantools.database.load_file(VENDOR / "FORD_CADS.dbc", strict=False)
+    dbc = cantools.database.load_file(path, strict=False)
     messages = []
     for n, (range_, azimuth, range_rate) in enumerate(detections, 1):
         message = dbc.get_message_by_name(f"MRR_Detection_{n:03d}")
@@ -127,25 +126,26 @@ def _ford(detections: list[Detection], index: int, time: float, stray: bool = Fa
     return messages
 
 
-def test_ford_mrr_azimuth_is_turned_round_and_the_age_comes_from_its_own_message() -> None:
-    radar, health = reader("ford_mrr", VENDOR / "FORD_CADS.dbc")
+def test_ford_mrr_azimuth_is_turned_round_and_the_age_comes_from_its_own_message(vendor_dbc: Callable[[str], Path]) -> None:
+    path = vendor_dbc("FORD_CADS")
+    radar, health = reader("ford_mrr", path)
     detections = [(10.0, 0.3, -5.0), (20.0, -0.4, 2.0)]
-    scan = feed(radar, _ford(detections, 6, 1.0))[0]
+    scan = feed(radar, _ford(path, detections, 6, 1.0))[0]
     assert_same(scan, [(10.0, -0.3, -5.0), (20.0, 0.4, 2.0)], (1 / 128, 2e-4, 1 / 128))
     assert scan.stamp_ns == 1_010_000_000 - 42_500_000
     assert scan.rcs.tolist() == [-3.0, -3.0]
     assert health == SensorHealth()
 
 
-def test_ford_mrr_detections_of_another_look_are_not_taken() -> None:
-    radar, health = reader("ford_mrr", VENDOR / "FORD_CADS.dbc")
-    assert feed(radar, _ford([(10.0, 0.3, -5.0)], 6, 1.0, stray=True)) == []
+def test_ford_mrr_detections_of_another_look_are_not_taken(vendor_dbc: Callable[[str], Path]) -> None:
+    path = vendor_dbc("FORD_CADS")
+    radar, health = reader("ford_mrr", path)
+    assert feed(radar, _ford(path, [(10.0, 0.3, -5.0)], 6, 1.0, stray=True)) == []
     assert (health.wrong_cycle, health.incomplete) == (1, 1)
 
 
-def test_mando_pages_under_one_id_and_a_checksum_after_them(tmp_path: Path) -> None:
-    path = tmp_path / "mando.dbc"
-    path.write_text(opendbc.get_generated_dbcs()["hyundai_kia_mando_corner_radar_generated"])
+def test_mando_pages_under_one_id_and_a_checksum_after_them(vendor_dbc: Callable[[str], Path]) -> None:
+    path = vendor_dbc("hyundai_kia_mando_corner_radar_generated")
     dbc = cantools.database.load_file(path, strict=False)
     detections: list[Detection] = [(4.0 + i, -0.5 + 0.125 * i, -2.0 + 0.5 * i) for i in range(12)]
     payloads = []
