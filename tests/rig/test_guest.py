@@ -18,14 +18,24 @@ def test_on_real_can_interfaces() -> None:
         with real_bus.interfaces():
             pytest.skip("this machine runs test_can.py itself")
     except real_bus.NoInterfacesError as why:
-        if not guest.available():
-            pytest.skip(f"{why}, and there is no User-Mode Linux; 'make test-rig' installs it, tests/live covers this on virtual buses")
+        if (lack := guest.missing()) is not None:
+            pytest.skip(f"{why}, and {lack}; tests/live/test_service.py covers this on virtual buses")
     in_guest(HERE / "test_can.py")
 
 
 @pytest.mark.skipif(os.environ.get("RIG") != "full", reason="'make test-rig' runs this: it needs minutes, and the Debian package")
 def test_under_systemd() -> None:
+    if (lack := guest.missing()) is not None:
+        pytest.skip(f"{lack}; 'make test-rig RIG=here' runs this on a machine that may be changed")
     in_guest(HERE / "test_systemd.py", systemd=True)
+
+
+@pytest.mark.parametrize(("flags", "boots"), [("fpu avx512_vnni avx512_bf16", True), ("fpu avx512_vnni amx_bf16 amx_tile amx_int8", False)])
+def test_no_guest_where_its_kernel_would_panic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flags: str, boots: bool) -> None:
+    monkeypatch.setattr("shutil.which", lambda name: f"/usr/bin/{name}")
+    (tmp_path / "cpuinfo").write_text(f"processor\t: 0\nflags\t\t: {flags}\n")
+    lack = guest.missing(tmp_path / "cpuinfo")
+    assert lack is None if boots else "panics at start on a processor with AMX" in str(lack)
 
 
 def in_guest(tests: Path, *, systemd: bool = False) -> None:
