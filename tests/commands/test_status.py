@@ -16,6 +16,7 @@ from pathlib import Path
 import trustme
 from tests.support import messages
 from tests.support.status import status
+from tests.support.waiting import PATIENCE
 
 from echogrid.config.tables import Publish, Ros, Tls
 from echogrid.zenoh.publisher import Publisher
@@ -46,7 +47,7 @@ def published(endpoint: str, *statuses: dict[str, object], vehicle: str = "car",
 
 def look(endpoint: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     command = [*COMMAND, "--endpoint", endpoint, *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
 
 
 def test_a_service_that_is_well(endpoint: str) -> None:
@@ -130,7 +131,7 @@ def test_watching_follows_until_it_is_interrupted(endpoint: str) -> None:
             if seen == {"ok", "degraded"}:
                 break
         watcher.send_signal(signal.SIGINT)
-        _, errors = watcher.communicate(timeout=30)
+        _, errors = watcher.communicate(timeout=PATIENCE)
     assert (watcher.returncode, errors) == (130, "")
 
 
@@ -153,7 +154,7 @@ def test_on_a_terminal_it_is_coloured(endpoint: str) -> None:
     ours, theirs = pty.openpty()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "200"}
     with published(endpoint, status("degraded", "radar rear_right: late")):
-        done = subprocess.run([*COMMAND, "--endpoint", endpoint], stdout=theirs, env=environment, timeout=60, check=False)
+        done = subprocess.run([*COMMAND, "--endpoint", endpoint], stdout=theirs, env=environment, timeout=PATIENCE, check=False)
     os.close(theirs)
     with open(ours, "rb", closefd=True) as screen:  # noqa: PTH123  # a descriptor has no path
         text = screen.read1(65536).decode()

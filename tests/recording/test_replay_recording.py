@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from argparse import ArgumentTypeError
 from pathlib import Path
 
@@ -12,9 +11,10 @@ import pytest
 from tests.support import mcap_files, world
 from tests.support.foxglove_client import viewer
 from tests.support.program import echogrid
+from tests.support.waiting import PATIENCE, until
 
 from echogrid.cli import _address
-from echogrid.commands.demo import on_virtual_buses
+from echogrid.commands.demo import AHEAD_FRAMES, on_virtual_buses
 from echogrid.commands.recorder import Recorder
 from echogrid.commands.replay import replay
 from echogrid.config.loading import load_config
@@ -117,23 +117,22 @@ def test_a_running_service_records_what_it_maps_and_publishes_and_shows_it(drive
     thread.start()
     seen: list[tuple[int, int, bytes]] = []
     try:
-        assert service.live.wait(30)
+        assert service.live.wait(PATIENCE)
         (port,) = [view.port for view in service.publishing.sinks if hasattr(view, "port")]
         logged = list(can.LogReader(drive / "can.log"))
         with (
             viewer(port) as view,
             can.Bus(interface="virtual", channel="can0", protocol=can.CanProtocol.CAN_FD, preserve_timestamps=True) as bus,
         ):
-            topics = ["/echogrid/map", "/echogrid/odom", "/echogrid/grid/fused/full"]
+            topics = ["/echogrid/map", "/echogrid/odom", "/echogrid/grid/fused/full", "/echogrid/status"]
             view.subscribe(topics)
+            seen.append(until(lambda: view.receive(0.05)))  # a status: the subscription is known
             for number, message in enumerate(logged):
                 bus.send(message)
-                if number % 100 == 0:
-                    time.sleep(0.05)
-            while len(mapped) < len(logged):
-                time.sleep(0.01)
-            while (got := view.receive(0.5)) is not None:
-                seen.append(got)
+                until(lambda number=number: number - len(mapped) < AHEAD_FRAMES)
+            until(lambda: len(mapped) == len(logged))
+            while len({number for number, _, _ in seen}) < len(topics):
+                seen.append(until(lambda: view.receive(0.05)))
         status = service.status()
     finally:
         service.workers.stop.set()
@@ -153,7 +152,7 @@ def test_a_running_service_records_what_it_maps_and_publishes_and_shows_it(drive
     rows = [(row.topic, row.log_time, row.data) for row in mcap_files.read(path) if not row.topic.startswith("/can/")]
     assert rows == [row for row in published if row[0] != f"{NAMESPACE}/{FULL.name}"]
     assert {topic for topic, _, _ in rows} == ROS | JSON
-    assert {number for number, _, _ in seen} == {0, 1, 2}
+    assert {number for number, _, _ in seen} == {0, 1, 2, 3}
     assert {(topics[number], at_ns, payload) for number, at_ns, payload in seen} <= set(published)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -29,6 +28,7 @@ from echogrid.store.stored_map import stored_map
 from echogrid.store.tile_store import TileStore
 from tests.rig import real_bus
 from tests.rig.real_bus import CHASSIS, RADARS
+from tests.support.ports import free_port
 
 PATIENCE = 60.0  # s
 
@@ -48,9 +48,7 @@ class Running:
     """`echogrid run` in a process of its own, and a client of it."""
 
     def __init__(self, folder: Path, *, one_bus: bool) -> None:
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
+        port = free_port()
         self.folder = folder
         self.config = folder / "echogrid.toml"
         text = real_bus.configuration(port)

@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 import pytest
 from tests.support import world
+from tests.support.waiting import PATIENCE
 
 from echogrid.client import Client
 from echogrid.commands.demo import AHEAD_FRAMES, on_virtual_buses, senders
@@ -99,7 +100,7 @@ def test_a_service_with_sixteen_tiles_keeps_the_map_of_the_log_bit_for_bit(drive
         roomy.add("can0", message)
 
     def play() -> None:
-        service.live.wait(60)
+        service.live.wait(PATIENCE)
         (bus,) = senders(config).values()
         for n, message in enumerate(sent):
             while n - service.pipeline.health.frames > AHEAD_FRAMES:
@@ -140,7 +141,7 @@ def test_a_service_counts_its_epochs_on_over_restarts_and_says_how_its_store_far
     for run, end in enumerate((signal.SIGKILL, signal.SIGTERM), start=1):
         with subprocess.Popen([sys.executable, "-m", "echogrid", "run", "-c", str(path)], stderr=subprocess.DEVNULL) as service:
             with Client(f"tcp/127.0.0.1:{port}", "test") as client:
-                status = client.status(timeout=30.0)
+                status = client.status(PATIENCE)
             service.send_signal(end)
         assert status is not None
         assert status["epoch"] == status["store"]["epoch"] == run

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
+from tests.support.waiting import PATIENCE
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
@@ -19,8 +20,8 @@ class Viewer:
 
     def __init__(self, connection: ClientConnection) -> None:
         self.connection = connection
-        self.server = json.loads(connection.recv(10))
-        advertised = json.loads(connection.recv(10))
+        self.server = json.loads(connection.recv(PATIENCE))
+        advertised = json.loads(connection.recv(PATIENCE))
         assert (self.server["op"], advertised["op"]) == ("serverInfo", "advertise")
         self.channels: dict[str, dict[str, Any]] = {channel["topic"]: channel for channel in advertised["channels"]}
 

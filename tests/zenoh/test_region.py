@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -17,6 +16,7 @@ import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.support import world
+from tests.support.waiting import PATIENCE, until
 
 from echogrid.client import Client
 from echogrid.config.loading import load_config
@@ -31,7 +31,6 @@ from echogrid.zenoh.map_reader import MapReader
 from echogrid.zenoh.publisher import Publisher, session_config
 from echogrid.zenoh.region import MOST_CELLS, MOST_WAITING, Regions, region_cells, tile_cells
 
-PATIENCE = 40.0  # s: far beyond what anything here takes
 CELL = 30.0 / 128  # m
 REGION = "echogrid/v1/test/grid/fused/region"
 TILE = "echogrid/v1/test/grid/fused/tile"
@@ -68,11 +67,7 @@ def answering(endpoint: str, reader: MapReader, *, running: bool = True) -> Iter
 
 def ask(session: zenoh.Session, selector: str) -> list[zenoh.Reply]:
     """The replies; asks again while nobody is there."""
-    deadline = time.monotonic() + PATIENCE
-    while not (replies := list(session.get(selector, timeout=PATIENCE))):
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-    return replies
+    return until(lambda: list(session.get(selector, timeout=PATIENCE)))
 
 
 def refusal(session: zenoh.Session, selector: str) -> str:
@@ -91,7 +86,7 @@ def test_a_region_is_the_map_there_whole_and_packed(endpoint: str, pipeline: Pip
     with answering(endpoint, MapReader(mapper, threading.Lock(), None)), Client(endpoint, "test") as client:
         until_there(client)
         for box in ((-20.0, -10.0, 45.0, 9.9), (3.0, 4.9, 3.01, 5.2), (-1000.0, -10.0, -900.0, -9.0), (29.9, -40.0, 30.1, 40.0)):
-            window = client.region(box)
+            window = client.region(box, timeout=PATIENCE)
             assert window is not None
             x0, y0, x1, y1 = box
             row, column = round(window.origin[1] / CELL), round(window.origin[0] / CELL)
@@ -120,10 +115,7 @@ def test_a_region_is_the_map_there_whole_and_packed(endpoint: str, pipeline: Pip
 
 
 def until_there(client: Client) -> None:
-    deadline = time.monotonic() + PATIENCE
-    while client.region((0.0, 0.0, 1.0, 1.0)) is None:
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    until(lambda: client.region((0.0, 0.0, 1.0, 1.0)))
 
 
 def test_while_the_map_is_made_every_answer_is_the_map_of_a_moment(endpoint: str, pipeline: Pipeline, messages: list[can.Message]) -> None:
@@ -142,12 +134,13 @@ def test_while_the_map_is_made_every_answer_is_the_map_of_a_moment(endpoint: str
     with answering(endpoint, MapReader(pipeline.mapper, lock, None)), Client(endpoint, "test") as client:
         until_there(client)
         maker = threading.Thread(target=make)
-        maker.start()
         answers = []
         while maker.is_alive() or len(answers) < 3:
-            window = client.region((2.0, 1.0, 28.0, 28.0))
+            window = client.region((2.0, 1.0, 28.0, 28.0), timeout=PATIENCE)
             assert window is not None
             answers.append(window.occupancy.tobytes())
+            if maker.ident is None:
+                maker.start()
         maker.join()
     assert set(answers) <= moments
     assert len(set(answers)) > 1
@@ -166,7 +159,7 @@ def test_an_older_map_is_read_from_the_store(endpoint: str, tmp_path: Path, pipe
         with answering(endpoint, MapReader(pipeline.mapper, lock, keeper)), Client(endpoint, "test") as client:
             until_there(client)
             box = (-40 * CELL, -30 * CELL, 160 * CELL, 30 * CELL)
-            old, now = client.region(box, epoch=first), client.region(box)
+            old, now = (client.region(box, epoch, timeout=PATIENCE) for epoch in (first, None))
             assert old is not None
             assert now is not None
             assert (old.map.epoch, now.map.epoch) == (first, first + 1)
@@ -208,18 +201,17 @@ def test_what_cannot_be_answered_is_told_in_a_sentence(endpoint: str, pipeline: 
 def test_more_queries_than_may_wait_are_told_to_come_again(endpoint: str, pipeline: Pipeline) -> None:
     reader = MapReader(pipeline.mapper, threading.Lock(), None)
     with answering(endpoint, reader, running=False) as regions, zenoh.open(session_config((), (endpoint,), sends=False)) as session:
-        deadline = time.monotonic() + PATIENCE
-        handlers = []
-        while regions.waiting.empty() and time.monotonic() < deadline:  # until it is known to whom to ask
-            handlers.append(session.get(f"{REGION}?bbox=0,0,1,1", timeout=PATIENCE))
-            time.sleep(0.05)
-        handlers += [session.get(f"{REGION}?bbox=0,0,1,1", timeout=PATIENCE) for _ in range(MOST_WAITING + 4)]
-        replies = [handler.try_recv() for handler in handlers]
-        while sum(reply is not None for reply in replies) < 4 and time.monotonic() < deadline:
-            time.sleep(0.01)
-            replies = [reply or handler.try_recv() for reply, handler in zip(replies, handlers, strict=True)]
-        refused = [json.loads(bytes(reply.err.payload))["error"] for reply in replies if reply is not None]
-        assert refused[-1] == f"{MOST_WAITING} queries are waiting already, ask again later"
+        querier = session.declare_querier(REGION, timeout=PATIENCE)
+        until(lambda: querier.matching_status.matching)  # it is known whom to ask
+        handlers = [querier.get(parameters="bbox=0,0,1,1") for _ in range(MOST_WAITING + 4)]
+        replies: list[zenoh.Reply | None] = [None] * len(handlers)
+
+        def refused() -> list[str]:
+            replies[:] = [reply or handler.try_recv() for reply, handler in zip(replies, handlers, strict=True)]
+            return [json.loads(bytes(reply.err.payload))["error"] for reply in replies if reply is not None]
+
+        until(lambda: len(refused()) == 4)
+        assert set(refused()) == {f"{MOST_WAITING} queries are waiting already, ask again later"}
         assert regions.waiting.full()
         stop = threading.Event()
         thread = threading.Thread(target=regions.run, args=(stop,))

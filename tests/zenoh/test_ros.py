@@ -19,6 +19,7 @@ import zenoh
 import zenoh.ext
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from tests.support import messages
+from tests.support.waiting import PATIENCE, until
 
 from echogrid.config.tables import Publish, Ros
 from echogrid.core.motion.odometry import EgoState
@@ -37,7 +38,6 @@ STORE.register(
         "std_msgs/Header header\nint32 x\nint32 y\nuint32 width\nuint32 height\nint8[] data", "map_msgs/msg/OccupancyGridUpdate"
     )
 )
-PATIENCE = 40.0  # s: far beyond what anything here takes
 NAMES = {"map", "map_updates", "odom", "detections"}  # in our namespace
 LOG_ODDS = np.array([[0, 3.5, -3.5], [1, 0, 0]], dtype=np.float32)
 
@@ -102,10 +102,7 @@ def test_a_node_that_comes_late_gets_the_map_as_rmw_zenoh_asks_for_it(port: int,
                 recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
                 subscriber_detection=True,
             )
-            deadline = time.monotonic() + PATIENCE
-            while (sample := subscriber.try_recv()) is None and time.monotonic() < deadline:
-                time.sleep(0.001)
-    assert sample is not None
+            sample = until(subscriber.try_recv)
     sequence, stamp_ns, gid = decode_attachment(bytes(sample.attachment))
     token = ros.publisher_token(settings, str(sample.timestamp.get_id()), 1, KEY)
     assert (sequence, stamp_ns, gid) == (2, 42, ros.gid(token))
@@ -120,11 +117,7 @@ def test_off_is_off(port: int) -> None:
     ):
         subscriber = session.declare_subscriber("0/**")
         native = session.declare_subscriber("echogrid/v1/car/**")
-        deadline = time.monotonic() + PATIENCE
-        while native.try_recv() is None and time.monotonic() < deadline:
-            publisher.put(messages.odometry(EgoState(1, SE2(0, 0, 0), 0, 0)))
-            time.sleep(0.01)
-        assert time.monotonic() < deadline
+        until(native.try_recv, lambda: publisher.put(messages.odometry(EgoState(1, SE2(0, 0, 0), 0, 0))))
         assert subscriber.try_recv() is None
         assert [reply for reply in session.liveliness().get("@ros2_lv/**", timeout=1.0) if reply.ok is not None] == []
 
@@ -140,7 +133,7 @@ from zenoh_ros2_sdk.message_registry import get_registry
 from zenoh_ros2_sdk.qos import QosDurability, QosProfile
 from zenoh_ros2_sdk.session import ZenohSession
 
-port, folder = int(sys.argv[1]), sys.argv[2]
+port, folder, patience, count = int(sys.argv[1]), sys.argv[2], float(sys.argv[4]), int(sys.argv[5])
 session = ZenohSession.get_instance("127.0.0.1", port)
 get_registry().messages_dir = Path(folder)
 
@@ -155,10 +148,10 @@ def plain(value):
     return value
 
 
-deadline = time.monotonic() + 10
-while not (topics := get_topic_names_and_types(0, "127.0.0.1", port, timeout=1.0)) and time.monotonic() < deadline:
+deadline = time.monotonic() + patience
+while len(topics := get_topic_names_and_types(0, "127.0.0.1", port, timeout=patience)) < count and time.monotonic() < deadline:
     pass
-infos = {name: get_topic_info(name, 0, "127.0.0.1", port, timeout=1.0, verbose=True) for name, _ in topics}
+infos = {name: get_topic_info(name, 0, "127.0.0.1", port, timeout=patience, verbose=True) for name, _ in topics}
 told = {"topics": topics, "hashes": {name: info.publishers[0].type_hash for name, info in infos.items()}}
 wanted = json.loads(sys.argv[3])
 subscribers = []
@@ -209,12 +202,12 @@ def test_a_node_of_other_peoples_making_sees_and_understands_all(port: int, tmp_
     place_messages(tmp_path / "messages")
     under = {topic.ros_name(namespace): topic for topic in TOPICS if topic.ros is not None}
     wanted = [(name, topic.type, topic is KEY and namespace == "/") for name, topic in under.items() if name != "/diagnostics"]
-    command = [sys.executable, "-c", NODE, str(port), str(tmp_path / "messages"), json.dumps(wanted)]
+    arguments = [str(port), str(tmp_path / "messages"), json.dumps(wanted), str(PATIENCE), str(len(under))]
     own = {"HOME": str(tmp_path), "PATH": os.environ["PATH"], "https_proxy": "http://127.0.0.1:9"}  # it would clone and set up git else
     grid = messages.grid(42, -3, 10, 0.5, LOG_ODDS, topic=KEY, keyframe=1)
     with publish(port, Ros(namespace=namespace)) as publisher:
         publisher.put(grid)
-        with subprocess.Popen(command, env=own, stdout=subprocess.PIPE, text=True) as node:
+        with subprocess.Popen([sys.executable, "-c", NODE, *arguments], env=own, stdout=subprocess.PIPE, text=True) as node:
             while node.poll() is None:  # it ends by itself
                 for message in everything(1_700_000_000_000_000_005) + [grid] * (namespace != "/"):
                     publisher.put(message)

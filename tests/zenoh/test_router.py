@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -10,13 +9,12 @@ import zenoh
 from tests.support import messages
 from tests.support.messages import update
 from tests.support.routers import router
+from tests.support.waiting import until
 
-from echogrid.client import Client
+from echogrid.client import Client, MapName, Window
 from echogrid.config.tables import Publish, Ros
 from echogrid.topics.topic import KEY, Message
 from echogrid.zenoh.publisher import Publisher, session_config
-
-PATIENCE = 40.0  # s: far beyond what anything here takes
 
 
 def connected(endpoint: str, vehicle: str, namespace: str = "/echogrid") -> Publisher:
@@ -25,14 +23,6 @@ def connected(endpoint: str, vehicle: str, namespace: str = "/echogrid") -> Publ
 
 def key_frame(number: int, value: float, epoch: int = 0) -> Message:
     return messages.grid(100 * number, 0, 0, 0.5, np.full((4, 6), value, np.float32), topic=KEY, epoch=epoch, keyframe=number)
-
-
-def until(good: Callable[[], bool], send: Callable[[], None] = lambda: None) -> None:
-    deadline = time.monotonic() + PATIENCE
-    while not good():
-        assert time.monotonic() < deadline
-        send()
-        time.sleep(0.02)
 
 
 def test_after_the_router_comes_back_all_goes_on(endpoint: str) -> None:
@@ -63,21 +53,22 @@ def test_after_the_router_comes_back_all_goes_on(endpoint: str) -> None:
 
 def test_a_service_that_comes_back_brings_another_map(endpoint: str) -> None:
     with router(endpoint), Client(endpoint) as client:
+        maps: dict[MapName, Window] = {}
+
+        def seen(count: int) -> bool:
+            window = client.follow(0.02)
+            maps.update({} if window is None else {window.map: window})
+            return len(maps) == count
+
         with connected(endpoint, "car") as publisher:
-            publisher.put(key_frame(7, 1.0))
-            first = client.follow(PATIENCE)
+            until(lambda: seen(1), lambda: publisher.put(key_frame(7, 1.0)))
         with connected(endpoint, "car") as publisher:
-            publisher.put(key_frame(1, -1.0))
-            second = client.follow(PATIENCE)
-            assert first is not None
-            assert second is not None
-            assert first.map.epoch == second.map.epoch == 0
-            assert first.map != second.map
-            assert (second.occupancy == 27).all()
-            publisher.put(key_frame(2, 1.0, epoch=1))
-            third = client.follow(PATIENCE)
-            assert third is not None
-            assert (third.map.source, third.map.epoch) == (second.map.source, 1)
+            until(lambda: seen(2), lambda: publisher.put(key_frame(1, -1.0)))
+            until(lambda: seen(3), lambda: publisher.put(key_frame(2, 1.0, epoch=1)))
+    (first, _), (second, window), (third, _) = maps.items()
+    assert first.epoch == second.epoch == 0
+    assert (window.occupancy == 27).all()
+    assert (third.source, third.epoch) == (second.source, 1)
 
 
 def test_two_vehicles_are_kept_apart_and_one_subscriber_sees_both(endpoint: str) -> None:
@@ -91,13 +82,16 @@ def test_two_vehicles_are_kept_apart_and_one_subscriber_sees_both(endpoint: str)
     ):
         everything = session.declare_subscriber("echogrid/v1/*/grid/fused/key")
         to_ros = session.declare_subscriber("0/*/map/**")
-        red.put(key_frame(1, 1.0))
-        blue.put(key_frame(1, -1.0))
+
+        def send() -> None:
+            red.put(key_frame(1, 1.0))
+            blue.put(key_frame(1, -1.0))
+
         for client, value in ((red_client, 73), (blue_client, 27)):
-            window = client.follow(PATIENCE)
-            assert window is not None
-            assert (window.occupancy == value).all()
-            assert client.follow(0.05) is None
+            window: Window | None = until(lambda client=client: client.follow(0.02), send)
+            while window is not None:
+                assert (window.occupancy == value).all()
+                window = client.follow(0.05)
         seen: dict[str, set[bytes]] = {}
 
         def collect() -> bool:
@@ -106,7 +100,7 @@ def test_two_vehicles_are_kept_apart_and_one_subscriber_sees_both(endpoint: str)
                     seen.setdefault(str(sample.key_expr).split("/OccupancyGrid")[0], set()).add(bytes(sample.payload)[-24:])
             return len(seen) == 4
 
-        until(collect, lambda: (red.put(key_frame(2, 1.0)), blue.put(key_frame(2, -1.0)), None)[2])
+        until(collect, send)
     values = {key.split("/nav_msgs")[0]: {payload[0] for payload in payloads} for key, payloads in seen.items()}
     ours = {f"echogrid/v1/{vehicle}/grid/fused/key": {value} for vehicle, value in (("red", 73), ("blue", 27))}
     assert values == ours | {"0/red/map": {73}, "0/blue/map": {27}}

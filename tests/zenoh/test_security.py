@@ -21,6 +21,7 @@ import zenoh.ext
 from tests.support import messages
 from tests.support.frames import CONFIG
 from tests.support.places import ROOT
+from tests.support.waiting import PATIENCE, until
 
 from echogrid.client import Client
 from echogrid.config.loading import load_config
@@ -32,7 +33,6 @@ from echogrid.zenoh.credentials import Credentials
 from echogrid.zenoh.publisher import Publisher, key, session_config
 from echogrid.zenoh.ros import topic_keys
 
-PATIENCE = 40.0  # s: far beyond what anything here takes
 LOG_ODDS = np.zeros((4, 4), dtype=np.float32)
 FAKE_NS = 666  # stamp of maps that nobody may ever see
 MAP = key("car", FULL.name)
@@ -139,11 +139,7 @@ def watched(publisher: Publisher, endpoint: str, mode: str, credentials: Credent
                     stamps.add((str(sample.key_expr), stamp_of(sample)))
             return stamps
 
-        deadline = time.monotonic() + PATIENCE
-        while not look() >= {(name, 1) for name in GRIDS} and time.monotonic() < deadline:
-            send(publisher, 1)
-            time.sleep(0.02)
-        assert stamps >= {(name, 1) for name in GRIDS}
+        until(lambda: look() >= {(name, 1) for name in GRIDS}, lambda: send(publisher, 1))
         yield look
 
 
@@ -161,12 +157,8 @@ def exchange(publisher: Publisher, endpoint: str, intruder: Intruder, modes: tup
             send(publisher, stamp_ns)
             intruder.act()
             time.sleep(0.01)
-        deadline = time.monotonic() + PATIENCE
         last = {(name, 1029) for name in GRIDS}
-        while not all(look() >= last for look in looks) and time.monotonic() < deadline:
-            send(publisher, 1029)
-            time.sleep(0.01)
-        assert all(look() >= last for look in looks)
+        until(lambda: all(look() >= last for look in looks), lambda: send(publisher, 1029))
         intruder.act()
         return {stamp_ns for look in looks for _, stamp_ns in look()}
 
@@ -204,10 +196,9 @@ def test_a_program_on_this_machine_may_look_and_not_touch(port: int) -> None:
     with Publisher(Publish(listen=(endpoint,)), "car", Ros()) as publisher, opened(endpoint, "client", None) as session:
         intruder = Intruder(session)
         assert FAKE_NS not in exchange(publisher, endpoint, intruder, ("peer", "client"), None)
-        intruder.ask()
-        assert intruder.stolen >= {*GRIDS, TOKEN}
+        until(lambda: intruder.stolen >= {*GRIDS, TOKEN}, intruder.ask)
         with Client(endpoint) as client:
-            assert client.alive()
+            until(client.alive)
 
 
 def test_the_lies_would_arrive_if_nobody_forbade_them(port: int) -> None:
@@ -219,12 +210,7 @@ def test_the_lies_would_arrive_if_nobody_forbade_them(port: int) -> None:
         opened(endpoint, "client", None) as viewer,
     ):
         intruder, subscriber = Intruder(session), viewer.declare_subscriber(MAP)
-        deadline = time.monotonic() + PATIENCE
-        while (sample := subscriber.try_recv()) is None:
-            assert time.monotonic() < deadline
-            intruder.act()
-            time.sleep(0.01)
-        assert stamp_of(sample) == FAKE_NS
+        assert stamp_of(until(subscriber.try_recv, intruder.act)) == FAKE_NS
 
 
 def test_the_listed_viewer_sees_the_last_map_and_the_next(port: int, files: Files) -> None:
@@ -235,7 +221,7 @@ def test_the_listed_viewer_sees_the_last_map_and_the_next(port: int, files: File
             grid = client.grid(PATIENCE)
             assert grid is not None
             assert grid.stamp_ns == 7
-            assert client.alive()
+            until(client.alive)
             publisher.put(messages.grid(8, 0, 0, 0.5, LOG_ODDS))
             grid = client.grid(PATIENCE)
             assert grid is not None
@@ -268,8 +254,7 @@ def test_the_listed_viewer_may_not_touch_either(port: int, files: Files) -> None
     ):
         intruder = Intruder(session)
         assert FAKE_NS not in exchange(publisher, endpoint, intruder, ("peer", "client"), files.of("viewer"))
-        intruder.ask()
-        assert intruder.stolen >= {*GRIDS, TOKEN}
+        until(lambda: intruder.stolen >= {*GRIDS, TOKEN}, intruder.ask)
 
 
 def test_a_viewer_does_not_fall_for_another_host(port: int, files: Files) -> None:
