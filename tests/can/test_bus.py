@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 
 import can
 import pytest
 from tests.support.frames import frame
+from tests.support.waiting import until
 
 from echogrid.can import bus as live
 from echogrid.can.bus import LiveBus
@@ -43,21 +43,11 @@ def sender() -> Iterator[can.BusABC]:
         yield bus
 
 
-def first(bus: LiveBus, seconds: float = 10.0) -> can.Message | None:
-    deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        message = bus.recv(0.05)
-        if message is not None:
-            return message
-    return None
-
-
 def test_only_what_is_read_passes(sender: can.BusABC) -> None:
     bus = LiveBus(BUS, [ID])
     sender.send(frame(0x301, b"\x01", 1.0))
     sender.send(frame(0x300, b"\x02", 2.0))
-    message = first(bus)
-    assert message is not None
+    message = until(lambda: bus.recv(0.05))
     assert (message.arbitration_id, message.timestamp) == (0x300, 2.0)
     assert bus.refresh().frames == 1
     bus.close()
@@ -72,7 +62,7 @@ def test_error_frames_are_counted_and_bus_off_is_down_until_the_next_frame(sende
     health = bus.refresh()
     assert (health.errors, health.bus_off, health.up) == (2, 1, False)
     sender.send(frame(0x300, b"\x02", 2.0))
-    assert first(bus) is not None
+    until(lambda: bus.recv(0.05))
     assert bus.refresh().up
     bus.close()
 
@@ -96,10 +86,8 @@ def test_a_lost_bus_is_opened_again_and_again_until_it_can_be_read(sender: can.B
     opened[0].down = True
     assert bus.recv(0.01) is None
     assert not bus.refresh().up
-    deadline = time.monotonic() + 10.0
-    while not bus.refresh().up and time.monotonic() < deadline:
-        bus.recv(0.01)
+    until(lambda: bus.refresh().up, lambda: bus.recv(0.01))
     assert (bus.health.reconnects, answers) == (1, [])
     sender.send(frame(0x300, b"\x02", 2.0))
-    assert first(bus) is not None
+    until(lambda: bus.recv(0.05))
     bus.close()

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 import pytest
 from tests.support import world
-from tests.support.waiting import PATIENCE
+from tests.support.waiting import PATIENCE, until
 
 from echogrid.client import Client
 from echogrid.commands.demo import AHEAD_FRAMES, on_virtual_buses, senders
@@ -100,16 +100,16 @@ def test_a_service_with_sixteen_tiles_keeps_the_map_of_the_log_bit_for_bit(drive
         roomy.add("can0", message)
 
     def play() -> None:
-        service.live.wait(PATIENCE)
-        (bus,) = senders(config).values()
-        for n, message in enumerate(sent):
-            while n - service.pipeline.health.frames > AHEAD_FRAMES:
-                time.sleep(0.001)
-            bus.send(message)
-        while service.pipeline.health.frames < len(sent) and not service.workers.stop.is_set():
-            time.sleep(0.01)
-        bus.shutdown()
-        service.workers.stop.set()
+        try:
+            service.live.wait(PATIENCE)
+            (bus,) = senders(config).values()
+            for n, message in enumerate(sent):
+                until(lambda n=n: n - service.pipeline.health.frames <= AHEAD_FRAMES)
+                bus.send(message)
+            until(lambda: service.pipeline.health.frames == len(sent) or service.workers.stop.is_set())
+            bus.shutdown()
+        finally:
+            service.workers.stop.set()
 
     player = threading.Thread(target=play)
     player.start()
