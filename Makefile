@@ -47,7 +47,7 @@ sbom: build/tools
 	build/tools/bin/cyclonedx-py requirements requirements/service.txt --pyproject pyproject.toml --mc-type application \
 		--output-reproducible --of JSON -o build/sbom.json
 
-# Pins anew what pyproject.toml, training/pyproject.toml and requirements/*.in ask for. A pin stays where it still fits: take its line out, or
+# Pins what pyproject.toml, training/pyproject.toml and requirements/*.in ask for. A pin stays where it still fits: take its line out, or
 # the file away, to have it renewed.
 lock: build/tools
 	@echo "== lock: requirements/*.txt with hashes"
@@ -60,7 +60,7 @@ lock: build/tools
 model-sums:
 	cd service/echogrid/models && sha256sum *.onnx > SHA256SUMS
 
-# Draws the demo drive anew; the same seed gives the same bytes.
+# Generates the demo drive again; the same seed gives the same bytes.
 demo-drive: .venv/.develop
 	$(BIN)/echogrid-train demo --out service/echogrid/demo_drive --force
 

@@ -41,7 +41,7 @@ def _give_up(sentence: str) -> NoReturn:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="echogrid", description="A car's corner radars on CAN in, one dense occupancy map out.")
     parser.add_argument("--version", action="version", version=f"echogrid {__version__}")
-    parser.add_argument("--log-level", choices=journal.LEVELS, default="info", help="what is logged at all (default: info)")
+    parser.add_argument("--log-level", choices=journal.LEVELS, default="info", help="the lowest level that is logged (default: info)")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     run = commands.add_parser("run", help="the service: live CAN buses in, the map on Zenoh out")
@@ -50,7 +50,7 @@ def _parser() -> argparse.ArgumentParser:
         "--record",
         type=Path,
         metavar="FILE.mcap",
-        help="frames and all that is published, into a new file; in a folder it is named by the time",
+        help="record frames and all that is published, into a new file; in a folder it is named by the time",
     )
     run.add_argument(
         "--foxglove",
@@ -64,16 +64,16 @@ def _parser() -> argparse.ArgumentParser:
 
     status = commands.add_parser(
         "status",
-        help="a look at the running service",
-        epilog="Exits with 0 where the state is ok, 1 where nobody answers, 2 in any other state.",
+        help="how the running service is doing",
+        epilog="Exit code: 0 if the state is ok, 1 without an answer, 2 in any other state.",
     )
     status.add_argument("--endpoint", default=Publish().listen[0], help="where the service listens (default: %(default)s)")
     status.add_argument("--vehicle", default="car", help="as in its configuration (default: %(default)s)")
     status.add_argument(
         "--tls", type=Path, nargs=3, metavar=("CA", "CERTIFICATE", "KEY"), help="PEM files of a viewer, for an endpoint tls/HOST:PORT"
     )
-    status.add_argument("--watch", action="store_true", help="go on looking, until Ctrl-C")
-    status.add_argument("--json", action="store_true", help="as it is published, one line each")
+    status.add_argument("--watch", action="store_true", help="repeat every second, until Ctrl-C")
+    status.add_argument("--json", action="store_true", help="print it as published, one line each")
     status.set_defaults(command=_status)
 
     replay = commands.add_parser("replay", help="a recording through the same chain, into files")
@@ -82,14 +82,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     replay.add_argument("-c", "--config", type=Path, help="default: the drive folder's echogrid.toml")
     replay.add_argument("--out", type=Path, default=Path("out/replay"), help="folder for map, trajectory and summary (default: out/replay)")
-    replay.add_argument("--realtime", action="store_true", help="at the bus's pace instead of as fast as it goes")
-    replay.add_argument(
-        "--record", type=Path, metavar="FILE.mcap", help="frames and all that is published of them, into a new file as well"
-    )
-    replay.add_argument("--store", type=Path, metavar="FILE.egmap", help="the map's tiles into this file as well, as a new epoch of it")
+    replay.add_argument("--realtime", action="store_true", help="at the bus's pace instead of as fast as possible")
+    replay.add_argument("--record", type=Path, metavar="FILE.mcap", help="also record frames and all that is published, into a new file")
+    replay.add_argument("--store", type=Path, metavar="FILE.egmap", help="also write the map's tiles into this file, as a new epoch")
     replay.set_defaults(command=_replay)
 
-    check = commands.add_parser("check", help="a configuration, and what a recording is worth to it")
+    check = commands.add_parser("check", help="check a configuration, and what a recording holds for it")
     check.add_argument("log", type=Path, nargs="?", metavar="LOG")
     check.add_argument("-c", "--config", type=Path, required=True)
     check.set_defaults(command=_check)
@@ -120,13 +118,13 @@ def _map_parsers(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
     export.add_argument("out", type=Path, metavar="OUT", help=".yaml (map_server, with its picture), .png, .npz or .egmap")
     export.add_argument("--format", choices=("ros", "png", "npz", "egmap"), help="default: by the suffix of OUT")
     export.add_argument("--mode", choices=("trinary", "scale", "raw"), help="of map_server (default: trinary)")
-    export.add_argument("--bbox", metavar="X0,Y0,X1,Y1", help="this part alone, m; write --bbox=… where it begins with a minus")
+    export.add_argument("--bbox", metavar="X0,Y0,X1,Y1", help="only this part, m; write --bbox=… if it starts with a minus")
     export.set_defaults(command=_map_export)
 
     importing = commands.add_parser("import", help="a map of another format as a store")
     importing.add_argument("file", type=Path, metavar="IN", help=".npz, or the .yaml of a map_server map")
     importing.add_argument("out", type=Path, metavar="OUT.egmap")
-    importing.add_argument("--vehicle", default="imported", help="whose map it is (default: %(default)s)")
+    importing.add_argument("--vehicle", default="imported", help="vehicle of the map (default: %(default)s)")
     importing.set_defaults(command=_map_import)
 
     merge = commands.add_parser(
@@ -142,7 +140,7 @@ def _map_parsers(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
     for command in (show, export):
         command.add_argument("--epoch", type=int, help="default: the newest")
     for command in (show, export, importing, merge):
-        command.add_argument("--force", action="store_true", help="replace an output that is there already")
+        command.add_argument("--force", action="store_true", help="replace an existing output")
 
 
 def _address(text: str) -> tuple[str, int]:
@@ -150,7 +148,7 @@ def _address(text: str) -> tuple[str, int]:
     host, colon, port = text.rpartition(":")
     host = host.removeprefix("[").removesuffix("]")
     if not port.isdecimal() or int(port) > 65535 or bool(colon) != bool(host):
-        raise argparse.ArgumentTypeError(f"'{text}' is no address, expected PORT or HOST:PORT")
+        raise argparse.ArgumentTypeError(f"'{text}' is not an address, expected PORT or HOST:PORT")
     return host or LOOPBACK, int(port)
 
 

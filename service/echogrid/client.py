@@ -71,7 +71,7 @@ class Client:
 
     def __init__(self, endpoint: str = EXAMPLE, vehicle: str = "car", credentials: Credentials | None = None) -> None:
         if not re.fullmatch("[A-Za-z0-9_-]+", vehicle):
-            raise EchogridError(f"vehicle: '{vehicle}' is no vehicle's name, expected letters, digits, _ and -")
+            raise EchogridError(f"vehicle: '{vehicle}' is not a vehicle's name, expected letters, digits, _ and -")
         self.vehicle = vehicle
         self.endpoint = endpoint
         self.malformed = 0
@@ -97,12 +97,12 @@ class Client:
         self._open.close()
 
     def grid(self, timeout: float = 1.0) -> Window | None:
-        """The map around the car, sent whole. The last one there was comes at once, also where it was sent before this client came."""
+        """The map around the car, sent whole. The last one arrives at once, even if it was sent before this client connected."""
         return self._newest(FULL, _window, timeout)
 
     def follow(self, timeout: float = 1.0) -> Window | None:
         """The same, put together from key frames and updates, which is less than half of the traffic. Its origin moves in steps, so that
-        the car is not quite in its middle. Comes only whole: what was lost shows in the next, or within a second."""
+        the car is not quite in its middle. Only complete windows are returned: what was lost is in the next one, within a second."""
         return self._wait(self._followed_next, timeout)
 
     def fleet(self, timeout: float = 2.0) -> Window | None:
@@ -111,15 +111,15 @@ class Client:
 
     def region(self, box: tuple[float, float, float, float], epoch: int | None = None, timeout: float = 5.0) -> Window | None:
         """Any part of the map: the cells that x0, y0, x1, y1 (m, odom) touch, of the map that is being made or of an older `epoch`.
-        Its stamp is when the newest of its cells was last in view, to the second. None where nobody answers in time; raises
-        EchogridError with the service's own sentence where it refuses."""
+        Its stamp is when the newest of its cells was last in view, to the second. None if there is no answer in time; raises
+        EchogridError with the service's own sentence if it refuses."""
         parameters = f"bbox={','.join(map(repr, map(float, box)))};fmt=zstd" + ("" if epoch is None else f";epoch={epoch}")
         for reply in self._session.get(f"{key(self.vehicle, REGION)}?{parameters}", timeout=timeout):
             try:
                 if reply.ok is not None:
                     return _packed_window(reply.ok)
                 refusal = _json(bytes(reply.err.payload)) if reply.err is not None else {}
-            except ValueError:  # Zenoh's own word for a time-out is no JSON
+            except ValueError:  # Zenoh's own message for a time-out is not JSON
                 self.malformed += reply.ok is not None
                 continue
             raise EchogridError(f"vehicle '{self.vehicle}': {refusal.get('error')}")
@@ -192,7 +192,7 @@ class Client:
 
     def _subscribe(self, topic: Topic) -> Subscriber:
         """A subscription that keeps the newest sample only."""
-        # Channels, no callbacks: a program that ends without `close` hangs for ever on a callback's thread.
+        # Channels, no callbacks: a program that ends without `close` hangs forever on a callback's thread.
         name = key(self.vehicle, topic.name)
         if not topic.kept:
             return self._session.declare_subscriber(name, RingChannel(1))
@@ -203,7 +203,7 @@ class Client:
 
 def _key_name(sample: zenoh.Sample) -> KeyName:
     if sample.attachment is None:
-        raise ValueError("a grid without an attachment is of no known map")
+        raise ValueError("a grid without an attachment does not name its map")
     _, _, source, epoch, number = decode_grid_attachment(bytes(sample.attachment))
     return KeyName(MapName(source, epoch), number)
 
@@ -234,4 +234,4 @@ def _json(payload: bytes) -> dict[str, Any]:
     try:
         return msgspec.json.decode(payload, type=dict[str, Any])
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise ValueError(f"no JSON object: {error}") from error
+        raise ValueError(f"not a JSON object: {error}") from error

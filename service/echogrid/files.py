@@ -1,4 +1,4 @@
-"""Reading whole files that others wrote, and writing whole files."""
+"""Reading whole files from others, and writing whole files."""
 
 from __future__ import annotations
 

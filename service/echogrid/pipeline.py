@@ -58,7 +58,7 @@ class Pipeline:
         return keeper
 
     def state(self, silence_ns: int) -> State:
-        """Of the map, `silence_ns` after the newest frame was taken in."""
+        """State of the map, `silence_ns` after the newest frame was processed."""
         newest_ns = self.signals.newest_ns
         if newest_ns is None:
             return State("stale", ("no map yet: no frame so far",))

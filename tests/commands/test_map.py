@@ -36,7 +36,7 @@ def test_the_commands_from_a_terminal(stored: Path, tmp_path: Path) -> None:
     assert content(tmp_path / "merged.egmap") == content(tmp_path / "again.egmap")
     done = echogrid("map", "export", stored, tmp_path / "cut.npz")
     assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == f"echogrid: {tmp_path / 'cut.npz'}: is there already: name another output, or give --force to replace it\n"
+    assert done.stderr == f"echogrid: {tmp_path / 'cut.npz'}: exists already: name another output, or give --force to replace it\n"
 
 
 def test_without_the_extra_a_cluster_is_refused(stored: Path, tmp_path: Path) -> None:

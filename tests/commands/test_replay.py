@@ -67,7 +67,7 @@ def test_a_network_that_is_none_is_one_sentence(drive: Path, tmp_path: Path) -> 
     (tmp_path / "net.onnx").write_bytes(b"noise")
     done = echogrid("replay", drive, "--model", tmp_path / "net.onnx", "--out", tmp_path / "out")
     assert done.returncode == 1
-    start = f"echogrid: {drive / 'echogrid.toml'}: model: {tmp_path / 'net.onnx'}: is no ONNX model that onnxruntime reads: "
+    start = f"echogrid: {drive / 'echogrid.toml'}: model: {tmp_path / 'net.onnx'}: is not an ONNX model that onnxruntime reads: "
     assert done.stderr.startswith(start)
     assert done.stderr.count("\n") == 1
     assert not (tmp_path / "out").exists()
@@ -154,7 +154,7 @@ def test_time_that_goes_backwards_is_dropped_and_counted(drive: Path, tmp_path: 
         ("other.log", "(1.0) can0 123#00\n(2.0) can0 456#00\n", "none of its 2 frames is one that"),
         ("empty.log", "", "holds no CAN message"),
         ("noise.log", "\x00\x01\x02", "cannot be read beyond message 0"),
-        ("log.txt", "", "is no log format that is known"),
+        ("log.txt", "", "is not a known log format"),
     ],
 )
 def test_bad_logs_are_one_sentence_and_write_nothing(drive: Path, tmp_path: Path, name: str, content: str, complaint: str) -> None:
@@ -189,7 +189,7 @@ def test_a_truth_file_that_is_none_is_said_before_the_work(drive: Path, tmp_path
     for name in ("echogrid.toml", "can.log"):
         (folder / name).write_bytes((drive / name).read_bytes())
     np.savez(folder / "truth.npz", stamp_ns=np.arange(3))
-    with pytest.raises(EchogridError, match=r"truth.npz: is no truth file with the arrays stamp_ns, x, y and yaw"):
+    with pytest.raises(EchogridError, match=r"truth.npz: is not a truth file with the arrays stamp_ns, x, y and yaw"):
         replay(find_drive(folder, None), tmp_path / "out")
 
 

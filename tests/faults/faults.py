@@ -292,11 +292,11 @@ FAULTS = (
     Fault("yaw rate jumps, one sample in five", yaw_rate_spikes, D, "yaw rate: jumps", recover=1.1, pose=0.3),
     Fault("yaw rate steps by 1 rad/s", yaw_rate_steps, N, "yaw rate: (jumps|jumped)", True, recover=2.0, pose=0.3),
     Fault("clock set forward by an hour", partial(clock_steps, 3600.0), None, "", True, lasts=0.0),
-    Fault("clock set back by an hour", partial(clock_steps, -3600.0), S, "nothing is heard", True, recover=1.5, lasts=0.0),
+    Fault("clock set back by an hour", partial(clock_steps, -3600.0), S, "nothing received", True, recover=1.5, lasts=0.0),
     Fault("clock set forward by 0.3 s", partial(clock_steps, 0.3), None, "", True, lasts=0.0),
     Fault("clock set back by 0.3 s", partial(clock_steps, -0.3), None, "", True, recover=0.5, lasts=0.0),
     Fault("one frame an hour old", partial(stray, -3600.0), None, lasts=0.0),
     Fault("one frame an hour ahead", partial(stray, 3600.0), None, lasts=0.0),
     Fault("bus silent for 0.3 s", partial(gap, 0.3), None, lasts=0.3, pose=0.3),
-    Fault("bus silent for 2 s", partial(gap, 2.0), S, "nothing is heard", True, lasts=2.0),
+    Fault("bus silent for 2 s", partial(gap, 2.0), S, "nothing received", True, lasts=2.0),
 )

@@ -30,7 +30,7 @@ def test_poses_and_the_map_are_read(tmp_path: Path) -> None:
         ({"x": np.zeros(3)}, "their lengths differ"),
         ({"x": np.zeros((4, 2)), "y": np.zeros((4, 2)), "yaw": np.zeros((4, 2))}, "their lengths differ"),
         ({"x": np.array(["a"] * 4)}, "could not convert"),
-        ({"log_odds": np.ones(3), "origin": np.zeros(2)}, "the map log_odds is no plane"),
+        ({"log_odds": np.ones(3), "origin": np.zeros(2)}, "the map log_odds is not two-dimensional"),
         ({"yaw": np.zeros(1 << 12)}, "it unpacks to "),
     ],
 )
@@ -42,5 +42,5 @@ def test_what_does_not_fit_is_one_sentence(
     np.savez_compressed(path, **(GOOD | change))
     with pytest.raises(EchogridError) as caught:
         load_truth(path)
-    assert str(caught.value).startswith(f"{path}: is no truth file with the arrays stamp_ns, x, y and yaw: ")
+    assert str(caught.value).startswith(f"{path}: is not a truth file with the arrays stamp_ns, x, y and yaw: ")
     assert complaint in str(caught.value)

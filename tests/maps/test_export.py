@@ -28,7 +28,7 @@ def pixels(path: Path) -> np.ndarray:
 def test_an_epoch_as_a_store_of_its_own_is_the_same_bits(stored: Path, tmp_path: Path) -> None:
     for epoch in (1, 3):
         out = tmp_path / f"{epoch}.egmap"
-        assert export(stored, out, epoch=epoch).startswith(f"{out}: 3 tiles of epoch {epoch}, as they are")
+        assert export(stored, out, epoch=epoch).startswith(f"{out}: 3 tiles of epoch {epoch}, unchanged")
         assert content(out) == content(stored, epoch)
         with TileStore(out) as one, TileStore(stored) as other:
             assert [found.id for found in one.epochs()] == [epoch]

@@ -56,7 +56,7 @@ def test_a_store_that_is_being_written_can_be_read_but_not_replaced(written: Pat
         export(written, tmp_path / f"{n}.egmap")
         assert info(tmp_path / f"{n}.egmap")["epochs"][0]["known_cells"] > 1000
         merge([Input.parse(str(written)), Input.parse(f"{tmp_path / f'{n}.egmap'}:1,1,5")], tmp_path / f"merged {n}.egmap")
-    with pytest.raises(EchogridError, match="live.egmap: database is locked: it is not replaced, name another output"):
+    with pytest.raises(EchogridError, match="live.egmap: database is locked: it was not replaced, name another output"):
         export(tmp_path / "1.egmap", written, force=True)
 
 
@@ -69,34 +69,34 @@ def both(folder: Path, name: str) -> list[Input]:
     [
         (lambda p: info(p / "no.egmap"), "no.egmap: there is no such file"),
         (lambda p: info(p / "noise.egmap"), "noise.egmap: "),
-        (lambda p: show(p / "map.tif"), "map.tif: its suffix tells no map format: expected .egmap, .npz, or the .yaml of a map_server map"),
+        (lambda p: show(p / "map.tif"), "map.tif: no map format has its suffix: expected .egmap, .npz, or the .yaml of a map_server map"),
         (lambda p: show(p / "map.npz", epoch=2), "map.npz: has no epochs, and --epoch 2 is given"),
         (lambda p: show(p / "car.egmap", epoch=7), "car.egmap: epoch 7 is not there, found 1, 3"),
-        (lambda p: show(p / "empty.egmap"), "empty.egmap: not one cell of the map is known, so there is nothing to show"),
-        (lambda p: show(p / "new.egmap"), "new.egmap: holds no map: not one epoch has begun"),
+        (lambda p: show(p / "empty.egmap"), "empty.egmap: no cell of the map is known, so there is nothing to show"),
+        (lambda p: show(p / "new.egmap"), "new.egmap: holds no map: it has no epoch"),
         (lambda p: show(p / "car.egmap", out=p / "no" / "a.png"), "no/a.png: there is no folder "),
         (
             lambda p: export(p / "car.egmap", p / "map.tif"),
-            "map.tif: its suffix tells no format: expected one of .yaml, .png, .npz, .egmap, or --format",
+            "map.tif: no format has its suffix: expected one of .yaml, .png, .npz, .egmap, or --format",
         ),
-        (lambda p: export(p / "car.egmap", p / "a.npz", mode="raw"), "a.npz: --mode raw is for map_server maps, and this is to be npz"),
-        (lambda p: export(p / "car.egmap", p / "map.pgm", form="ros"), "map.pgm: a map_server map is named by its .yaml"),
-        (lambda p: export(p / "car.egmap", p / "map.npz"), "map.npz: is there already: name another output, or give --force to replace it"),
-        (lambda p: export(p / "car.egmap", p / "pic.yaml"), "pic.pgm: is there already"),
+        (lambda p: export(p / "car.egmap", p / "a.npz", mode="raw"), "a.npz: --mode raw is for map_server maps, not for npz"),
+        (lambda p: export(p / "car.egmap", p / "map.pgm", form="ros"), "map.pgm: name a map_server map by its .yaml"),
+        (lambda p: export(p / "car.egmap", p / "map.npz"), "map.npz: exists already: name another output, or give --force to replace it"),
+        (lambda p: export(p / "car.egmap", p / "pic.yaml"), "pic.pgm: exists already"),
         (
             lambda p: export(p / "car.egmap", p / "car.egmap", force=True),
-            "car.egmap: is to be read and written at once: name another output",
+            "car.egmap: would be read and written at once: name another output",
         ),
-        (lambda p: export(p / "empty.egmap", p / "a.npz"), "empty.egmap: epoch 1: not one cell is known, so there is nothing to export"),
-        (lambda p: export(p / "empty.egmap", p / "a.egmap"), "empty.egmap: epoch 1: not one tile is there to export"),
+        (lambda p: export(p / "empty.egmap", p / "a.npz"), "empty.egmap: epoch 1: no cell is known, so there is nothing to export"),
+        (lambda p: export(p / "empty.egmap", p / "a.egmap"), "empty.egmap: epoch 1: there is no tile to export"),
         (lambda p: parse_box("1,2,3"), "--bbox: found '1,2,3', expected X0,Y0,X1,Y1 in m with X0 < X1 and Y0 < Y1"),
         (lambda p: parse_box("1,2,0,3"), "--bbox: found '1,2,0,3', expected"),
         (lambda p: parse_box("1,2,inf,3"), "--bbox: found '1,2,inf,3', expected"),
         (lambda p: import_map(p / "map.npz", p / "a.npz"), "a.npz: expected a name that ends with .egmap"),
-        (lambda p: import_map(p / "car.egmap", p / "a.egmap"), "car.egmap: its suffix tells no map format"),
+        (lambda p: import_map(p / "car.egmap", p / "a.egmap"), "car.egmap: no map format has its suffix"),
         (
             lambda p: import_map(p / "unknown.npz", p / "a.egmap"),
-            "unknown.npz: not one cell of the map is known, so there is nothing to import",
+            "unknown.npz: no cell of the map is known, so there is nothing to import",
         ),
         (lambda p: import_map(p / "far.npz", p / "a.egmap"), "far.npz: origin: found 1e+12, 0, expected metres near the map"),
         (lambda p: Input.parse("map.npz"), "'map.npz': expected FILE.egmap[@EPOCH][:X,Y,YAW_DEG], metres and degrees"),

@@ -26,6 +26,6 @@ def test_info_counts_what_is_there(stored: Path) -> None:
             assert (epoch["oldest_s"], epoch["newest_s"]) == (seen_s.min(), seen_s.max())
             assert 0 < epoch["measured_cells"] < epoch["known_cells"]
     text_ = "\n".join(lines(found, 1_700_007_200.0))
-    assert "epoch 3: vehicle 'car', begun 2023-11-14 22:13:20 UTC" in text_
+    assert "epoch 3: vehicle 'car', started 2023-11-14 22:13:20 UTC" in text_
     assert "(2 h ago)" in text_
     assert "radars   left, right, rear" in text_

@@ -133,15 +133,15 @@ def test_yaml_as_other_savers_write_it(tmp_path: Path) -> None:
     ("old", "new", "complaint"),
     [
         ("image: map.png\n", "", "map.yaml: the key 'image' is missing, expected the yaml file of a map_server map"),
-        ("image: map.png", "image: other.png", "other.png: there is no such picture, which the yaml file names"),
-        ("image: map.png", "image: map.yaml", "map.yaml: is no picture that can be read: cannot identify image file"),
+        ("image: map.png", "image: other.png", "other.png: the yaml file names this picture, but it does not exist"),
+        ("image: map.png", "image: map.yaml", "map.yaml: is not a readable picture: cannot identify image file"),
         ("mode: raw", "mode: costmap", "map.yaml: mode: found 'costmap', expected one of trinary, scale, raw"),
         ("resolution: 0.25", "resolution: -1", "map.yaml: resolution: found -1, expected metres above 0"),
         ("resolution: 0.25", "resolution: fine", "map.yaml: resolution: found 'fine', expected a number"),
         (
             "0.0]",
             "0.5]",
-            "map.yaml: origin: found the yaw 0.5, expected 0: write 0 there, import the map, and turn it by `echogrid map merge`",
+            "map.yaml: origin: found the yaw 0.5, expected 0: write 0 there, import the map, rotate it with `echogrid map merge`",
         ),
         (", 0.0]", "]", "map.yaml: origin: found 2 numbers, expected three: x, y, yaw"),
         ("0.0]", ".nan]", "map.yaml: origin: found '.nan', expected a number"),
@@ -175,7 +175,7 @@ def test_pictures_that_cannot_be_cells_are_refused(tmp_path: Path, monkeypatch: 
         map_server.read(tmp_path / "map.yaml")
     monkeypatch.undo()
     (tmp_path / "map.png").write_bytes((tmp_path / "map.png").read_bytes()[:2000])
-    with pytest.raises(EchogridError, match="is no picture that can be read: image file is truncated"):
+    with pytest.raises(EchogridError, match="is not a readable picture: image file is truncated"):
         map_server.read(tmp_path / "map.yaml")
 
 
@@ -199,12 +199,12 @@ def test_an_npz_in_bands_is_the_npz_of_the_whole(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arrays", "complaint"),
     [
-        ({"log_odds": np.zeros(3)}, "is no map with the arrays log_odds, origin and cell"),
+        ({"log_odds": np.zeros(3)}, "is not a map with the arrays log_odds, origin and cell"),
         ({"log_odds": np.zeros((2, 3)), "origin": np.zeros(2)}, "cell is not a file in the archive"),
-        ({"log_odds": np.zeros(3), "origin": np.zeros(2), "cell": np.array(1.0)}, "the planes are no planes of one shape"),
+        ({"log_odds": np.zeros(3), "origin": np.zeros(2), "cell": np.array(1.0)}, "the planes do not have one shape"),
         (
             {"log_odds": np.zeros((2, 3)), "origin": np.zeros(2), "cell": np.array(1.0), "radars": np.zeros((3, 2))},
-            "the planes are no planes of one shape",
+            "the planes do not have one shape",
         ),
         ({"log_odds": np.full((2, 3), np.nan), "origin": np.zeros(2), "cell": np.array(1.0)}, "not all numbers are finite"),
         ({"log_odds": np.zeros((2, 3)), "origin": np.zeros(2), "cell": np.array(-1.0)}, "not all numbers are finite"),
@@ -225,7 +225,7 @@ def test_an_npz_that_is_no_map_is_one_sentence(tmp_path: Path, arrays: dict[str,
     np.savez(tmp_path / "map.npz", **arrays)
     with pytest.raises(EchogridError) as caught:
         dense_map.read_npz(tmp_path / "map.npz")
-    assert str(caught.value).startswith(f"{tmp_path / 'map.npz'}: is no map with the arrays log_odds, origin and cell: ")
+    assert str(caught.value).startswith(f"{tmp_path / 'map.npz'}: is not a map with the arrays log_odds, origin and cell: ")
     assert complaint in str(caught.value)
 
 
@@ -235,5 +235,5 @@ def test_a_zip_bomb_and_noise_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
     with pytest.raises(EchogridError, match="an array unpacks to"):
         dense_map.read_npz(tmp_path / "map.npz")
     (tmp_path / "map.npz").write_bytes(b"noise")
-    with pytest.raises(EchogridError, match="is no map with the arrays log_odds, origin and cell: File is not a zip file"):
+    with pytest.raises(EchogridError, match="is not a map with the arrays log_odds, origin and cell: File is not a zip file"):
         dense_map.read_npz(tmp_path / "map.npz")

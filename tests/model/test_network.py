@@ -118,13 +118,13 @@ def packed(content: bytes) -> dict[str, str]:
         ({"precision": "int4"}, "metadata 'echogrid': Invalid enum value 'int4'"),
         ({"fusion": "max"}, "metadata 'echogrid': Invalid enum value 'max'"),
         ({"calibration": {"learned": "much"}}, "metadata 'echogrid': Expected `float`, got `str` - at `$.calibration.learned`"),
-        ({"golden": []}, "hold no golden answers"),
+        ({"golden": []}, "holds no golden answers"),
         ({"golden": [held(EMPTY, OFF)]}, "golden answer 0 is off by 5.5, expected at most 0.001"),
         ({"golden": [held(EMPTY, SAID), held(EMPTY, SAID + 0.01)]}, "golden answer 1 is off by 0.01, expected at most 0.001"),
         ({"golden": [held(EMPTY, np.full_like(SAID, np.nan))]}, "golden answer 0 is off by nan"),
         ({"golden": [held(EMPTY[:, :8], SAID)]}, "golden answer 0 is not of 1 x 2 x 2 blocks for an image (1, 16, 16)"),
         ({"golden": [held(EMPTY, SAID[:, :8, :8])]}, "golden answer 0 is not of 1 x 2 x 2 blocks"),
-        ({"golden": [packed(b"not packed")]}, "golden answer 0 holds no packed image: "),
+        ({"golden": [packed(b"not packed")]}, "golden answer 0 is not a packed image: "),
         ({"golden": [packed(zlib.compress(bytes(1 << 24)))]}, "golden answer 0 is not of 1 x 2 x 2 blocks"),  # a bomb
         ({"golden": [packed(zlib.compress(EMPTY.tobytes())[:-6])]}, "golden answer 0"),
         ({"golden": [{"image": "?", "coarse": ""}]}, "metadata 'echogrid': "),
@@ -200,9 +200,9 @@ def test_a_network_that_breaks_when_it_runs_is_refused(tmp_path: Path) -> None:
 
 def test_what_cannot_be_read_is_said(tmp_path: Path) -> None:
     (tmp_path / "noise.onnx").write_bytes(b"noise")
-    assert "is no ONNX model that onnxruntime reads" in refused(tmp_path / "noise.onnx")
+    assert "is not an ONNX model that onnxruntime reads" in refused(tmp_path / "noise.onnx")
     (tmp_path / "empty.onnx").touch()
-    assert "is no ONNX model that onnxruntime reads" in refused(tmp_path / "empty.onnx")
+    assert "is not an ONNX model that onnxruntime reads" in refused(tmp_path / "empty.onnx")
     assert "cannot be read: No such file" in refused(tmp_path / "none.onnx")
     assert "cannot be read: Is a directory" in refused(tmp_path)
 

@@ -183,7 +183,7 @@ def test_a_full_disk_ends_the_recording_and_says_so(tmp_path: Path) -> None:
         [sys.executable, "-W", "error", "-c", textwrap.dedent(code)], capture_output=True, text=True, timeout=60, check=False
     )
     assert done.stdout.strip() == "failed File too large 0"
-    assert done.stderr.strip() == f"{path}: the recording ends here: File too large; mapping goes on"
+    assert done.stderr.strip() == f"{path}: the recording ends here: File too large; mapping continues"
     got: list[can.Message] = []
     with pytest.raises(EchogridError, match="it ends within a record"):
         got.extend(iter(Log(path)))
@@ -228,7 +228,10 @@ def test_a_log_with_ever_new_channels_is_recorded_as_far_as_channels_go(tmp_path
 
 def test_no_file_is_replaced_and_what_cannot_be_made_is_said(tmp_path: Path) -> None:
     path = written(tmp_path / "a.mcap", FRAMES)
-    for where, why in ((path, "exists already, and a recording replaces nothing"), (path / "b.mcap", "cannot be written: Not a directory")):
+    for where, why in (
+        (path, "exists already, and a recording never replaces a file"),
+        (path / "b.mcap", "cannot be written: Not a directory"),
+    ):
         with pytest.raises(EchogridError, match=f"{where}: {why}"):
             McapRecorder(where)
 
@@ -256,9 +259,9 @@ OURS = definition(CAN_FRAME)
             "holds no CAN frames: its channels are /a (x/msg/Y), /b (x/msg/Z); expected",
         ),
         ([(f"/{n}", "x/msg/Y", "", {}) for n in range(20)], "/7 (x/msg/Y), ...; expected"),
-        ([("/can/a", CAN_FRAME, "uint8 x\n", {})], "the frames on /can/a are written in another way than by this version"),
+        ([("/can/a", CAN_FRAME, "uint8 x\n", {})], "the frames on /can/a are in another format than this version writes"),
         ([("/can/a", CAN_FRAME, OURS, {})], "cannot be read beyond message 0: ValueError: a frame's message ends after 0 bytes"),
-        ([("/can/a", CAN_FRAME, OURS, {"channel": "[1]"})], "a channel's name in python-can is no name"),
+        ([("/can/a", CAN_FRAME, OURS, {"channel": "[1]"})], "a channel's name in python-can is not a name"),
         ([("/can/a", CAN_FRAME, OURS, {"channel": "no JSON"})], "JSONDecodeError"),
     ],
 )

@@ -165,5 +165,5 @@ def test_a_view_is_for_this_machine_alone_unless_a_host_is_written_out(text: str
 
 @pytest.mark.parametrize("text", ["", "x", ":1", "1:", "65536", "-1", "host"])
 def test_what_is_no_address_is_refused(text: str) -> None:
-    with pytest.raises(ArgumentTypeError, match="is no address, expected PORT or HOST:PORT"):
+    with pytest.raises(ArgumentTypeError, match="is not an address, expected PORT or HOST:PORT"):
         _address(text)

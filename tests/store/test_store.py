@@ -80,7 +80,7 @@ def test_a_replay_with_sixteen_tiles_in_memory_is_bit_for_bit_the_one_with_all(d
 def test_a_replay_into_another_file_or_a_full_one_is_one_sentence(drive: Drive, tmp_path: Path) -> None:
     path = tmp_path / "notes.txt"
     path.write_text("mine")
-    with pytest.raises(EchogridError, match=r"notes\.txt: is no map of echogrid"):
+    with pytest.raises(EchogridError, match=r"notes\.txt: is not a map of echogrid"):
         replay(drive, tmp_path / "out", store=path)
     assert path.read_text() == "mine"
     assert not (tmp_path / "out").exists()
@@ -161,7 +161,7 @@ def test_a_service_refuses_another_file_before_it_opens_anything(config: tuple[P
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 1
     assert done.stderr.splitlines() == [
-        f"echogrid: {path}: {tmp_path / 'kept.egmap'}: is no map of echogrid: application id 0x00000000 found, expected 0x65676D70; "
+        f"echogrid: {path}: {tmp_path / 'kept.egmap'}: is not a map of echogrid: application id 0x00000000 found, expected 0x65676D70; "
         "name another file, or move this one away"
     ]
 

@@ -39,10 +39,10 @@ def newer(path: Path) -> None:
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [
-        (lambda path: path.write_bytes(b"x" * 5000), "is no map of echogrid: it is no SQLite file"),
-        (lambda path: path.write_text("[map]"), "is no map of echogrid: it is no SQLite file"),
-        (foreign_database, "is no map of echogrid: application id 0x00000000 found, expected 0x65676D70"),
-        (other_tables, "is no map of echogrid: tables epoch, tile found, expected epoch, tile as this version makes them"),
+        (lambda path: path.write_bytes(b"x" * 5000), "is not a map of echogrid: it is not an SQLite file"),
+        (lambda path: path.write_text("[map]"), "is not a map of echogrid: it is not an SQLite file"),
+        (foreign_database, "is not a map of echogrid: application id 0x00000000 found, expected 0x65676D70"),
+        (other_tables, "is not a map of echogrid: tables epoch, tile found, expected epoch, tile as this version makes them"),
         (newer, "a map of version 2 found, expected 1: update echogrid, or name another file"),
     ],
 )

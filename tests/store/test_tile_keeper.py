@@ -189,7 +189,7 @@ def test_a_full_disk_is_a_state_that_ends_with_it(tmp_path: Path) -> None:
             for failed in (1, 2):
                 kept.flush()
                 assert (kept.status.state, kept.status.failed) == ("full", failed)
-                assert kept.status.reason == f"{folder / 'a.egmap'}: database or disk is full; mapping goes on in memory"
+                assert kept.status.reason == f"{folder / 'a.egmap'}: database or disk is full; mapping continues in memory"
             assert everything(car.map) == roomy(35)
             ballast.unlink()
             kept.flush()
@@ -232,7 +232,7 @@ def test_a_disk_that_is_read_only_is_a_state_and_epochs_count_on(tmp_path: Path)
 def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.egmap"
     path.write_text("something else")
-    with pytest.raises(ForeignFileError, match=r"a\.egmap: is no map of echogrid"):
+    with pytest.raises(ForeignFileError, match=r"a\.egmap: is not a map of echogrid"):
         keeper(path, Car(16))
     assert path.read_text() == "something else"
 
@@ -288,7 +288,7 @@ def test_another_process_that_writes_the_same_file_is_a_state(tmp_path: Path) ->
         kept.flush()
         assert kept.status.state == "failed"
         assert kept.status.reason.endswith(
-            "epoch 2 is to begin, but 2 has begun: another process writes this file; mapping goes on in memory"
+            "epoch 2 should start, but 2 has started: another process writes this file; mapping continues in memory"
         )
 
 

@@ -124,7 +124,7 @@ def test_epochs_count_on_and_empty_ones_go(tmp_path: Path) -> None:
         store.forget(9)
         store.forget(3)
         assert store.begin(SUM) == 10  # never a number twice
-        with pytest.raises(StoreError, match="epoch 10 is to begin, but 10 has begun: another process writes this file"):
+        with pytest.raises(StoreError, match="epoch 10 should start, but 10 has started: another process writes this file"):
             store.begin(LOOKS, 10)
         assert store.numbers() == [10]
 

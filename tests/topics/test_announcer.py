@@ -109,4 +109,4 @@ def test_a_sink_that_is_full_is_told_of_once_and_the_others_go_on(pipeline: Pipe
     service.publishing.send(messages)
     assert endless == messages
     assert full.taken == messages[:2]
-    assert [record.getMessage() for record in caplog.records] == ["out.mcap: No space left on device; going on without it"]
+    assert [record.getMessage() for record in caplog.records] == ["out.mcap: No space left on device; continuing without it"]

@@ -60,7 +60,7 @@ def test_what_the_kernel_stamps_is_that_nanosecond_within_what_a_float_holds() -
 
 @pytest.mark.parametrize("message", [can.Message(data=bytes(65)), can.Message(arbitration_id=-1), can.Message(dlc=256)])
 def test_what_is_no_frame_is_refused(message: can.Message) -> None:
-    with pytest.raises(ValueError, match="no CAN frame"):
+    with pytest.raises(ValueError, match="not a CAN frame"):
         encode_frame("can0", message)
 
 

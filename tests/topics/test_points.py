@@ -52,8 +52,8 @@ def test_points_are_what_rosbags_writes_and_come_back(points: Points) -> None:
     ("at", "layout", "values", "message"),
     [
         (20, "<I", (2,), "not laid out"),
-        (24, "<I", (3,), "3 points say"),
-        (24, "<I", (2**32 - 1,), "4294967295 points say"),
+        (24, "<I", (3,), "3 points declare"),
+        (24, "<I", (2**32 - 1,), "4294967295 points declare"),
         (28, "<I", (2,), "not laid out"),
         (28, "<I", (2**32 - 1,), "message ends|name of|not laid out"),
         (40, "<I", (4,), "not laid out"),
@@ -61,10 +61,10 @@ def test_points_are_what_rosbags_writes_and_come_back(points: Points) -> None:
         (48, "<I", (2,), "not laid out"),
         (92, "<B", (1,), "not laid out"),
         (96, "<I", (16,), "not laid out"),
-        (100, "<I", (12,), "bytes and bring"),
-        (104, "<I", (2**32 - 1,), "bytes and bring"),
-        (108, "<f", (math.nan,), "no number"),
-        (132, "<B", (0,), "bytes and bring"),
+        (100, "<I", (12,), "bytes and hold"),
+        (104, "<I", (2**32 - 1,), "bytes and hold"),
+        (108, "<f", (math.nan,), "not a number"),
+        (132, "<B", (0,), "bytes and hold"),
     ],
 )
 def test_points_that_cannot_be_are_refused(at: int, layout: str, values: tuple[float, ...], message: str) -> None:

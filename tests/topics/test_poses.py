@@ -93,9 +93,9 @@ def test_odometry_round_trip(odometry: Odometry) -> None:
         (40, "<d", (math.nan,), "nowhere"),
         (48, "<d", (math.inf,), "nowhere"),
         (56, "<d", (1.0,), "leaves the plane"),
-        (64, "<d", (0.5,), "no turn"),
-        (80, "<dd", (0.0, 0.0), "no turn"),
-        (88, "<d", (math.nan,), "no turn"),
+        (64, "<d", (0.5,), "not a rotation"),
+        (80, "<dd", (0.0, 0.0), "not a rotation"),
+        (88, "<d", (math.nan,), "not a rotation"),
     ],
 )
 def test_transforms_that_cannot_be_are_refused(at: int, layout: str, values: tuple[float, ...], message: str) -> None:
@@ -106,7 +106,12 @@ def test_transforms_that_cannot_be_are_refused(at: int, layout: str, values: tup
 # For the frames "odom" and "base": child's length 20, child 24, padding, position 32, orientation 56, covariance 88.
 @pytest.mark.parametrize(
     ("at", "values", "message"),
-    [(32, (math.nan,), "no number"), (88, (math.inf,), "no number"), (56, (0.5,), "no turn"), (72, (0.0, 0.0), "no turn")],
+    [
+        (32, (math.nan,), "not a number"),
+        (88, (math.inf,), "not a number"),
+        (56, (0.5,), "not a rotation"),
+        (72, (0.0, 0.0), "not a rotation"),
+    ],
 )
 def test_odometry_that_cannot_be_is_refused(at: int, values: tuple[float, ...], message: str) -> None:
     with pytest.raises(ValueError, match=message):

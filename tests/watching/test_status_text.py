@@ -17,7 +17,5 @@ def test_what_comes_moves_no_cursor() -> None:
 
 def test_a_status_that_says_less_is_shown_and_what_is_none_is_one_sentence() -> None:
     assert lines({"state": "ok"}, "car")[1] == [("map       ", "dim"), ("- updates/s, epoch -", "")]
-    with pytest.raises(
-        EchogridError, match="^vehicle 'car': the status is none that this version of echogrid reads: Expected `str`, got `int`"
-    ):
+    with pytest.raises(EchogridError, match="^vehicle 'car': this version of echogrid cannot read the status: Expected `str`, got `int`"):
         lines({"state": 3}, "car")

@@ -188,8 +188,8 @@ def test_an_older_map_is_read_from_the_store(endpoint: str, tmp_path: Path, pipe
         (f"{TILE}/1/x", "grid/fused/tile/1/x: expected row and column of one tile"),
         (f"{TILE}/*/*", "grid/fused/tile/*/*: expected row and column of one tile"),
         (f"{TILE}/**", "grid/fused/tile/**: expected row and column of one tile"),
-        (f"{TILE}/1/99999999999", "lies beyond every map"),
-        (f"{TILE}/1/1?bbox=0,0,1,1", "bbox: found beside a tile"),
+        (f"{TILE}/1/99999999999", "is beyond every map"),
+        (f"{TILE}/1/1?bbox=0,0,1,1", "bbox: found with a tile"),
     ],
 )
 def test_what_cannot_be_answered_is_told_in_a_sentence(endpoint: str, pipeline: Pipeline, selector: str, said: str) -> None:

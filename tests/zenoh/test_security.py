@@ -281,11 +281,11 @@ def test_files_that_do_not_fit_are_one_sentence(tmp_path: Path, files: Files) ->
         (replace(ours, certificate=none), f"{none}: cannot be read: No such file or directory"),
         (replace(ours, key=tmp_path), f"{tmp_path}: cannot be read: Is a directory"),
         (replace(ours, ca=garbage), f"{garbage}: holds no certificate in PEM form"),
-        (replace(ours, certificate=garbage), f"{ours.key}: is no unencrypted PEM key of the certificate {garbage}"),
-        (replace(ours, key=locked), f"{locked}: is no unencrypted PEM key of the certificate {ours.certificate}"),
+        (replace(ours, certificate=garbage), f"{ours.key}: is not an unencrypted PEM key of the certificate {garbage}"),
+        (replace(ours, key=locked), f"{locked}: is not an unencrypted PEM key of the certificate {ours.certificate}"),
         (
             replace(ours, key=files.of("stranger").key),
-            f"{files.of('stranger').key}: is no unencrypted PEM key of the certificate {ours.certificate}",
+            f"{files.of('stranger').key}: is not an unencrypted PEM key of the certificate {ours.certificate}",
         ),
         (files.of("expired"), f"{files.of('expired').certificate}: is not accepted by {ours.ca}: certificate has expired"),
         (
@@ -320,13 +320,13 @@ TLS = '\n[publish.tls]\nca = "ca.pem"\ncertificate = "car.pem"\nkey = "/etc/car.
     [
         (
             'listen = ["tcp/0.0.0.0:7447"]',
-            "publish.listen: 'tcp/0.0.0.0:7447' leads out of this machine unprotected, expected tls/HOST",
+            "publish.listen: 'tcp/0.0.0.0:7447' leaves this machine unprotected, expected tls/HOST",
         ),
-        ('listen = ["tcp/[::]:7447"]', "publish.listen: 'tcp/[::]:7447' leads out of this machine unprotected"),
-        ('listen = ["tcp/localhost.evil.test:7447"]', "leads out of this machine unprotected"),
-        ('listen = ["udp/224.0.0.224:7446"]', "leads out of this machine unprotected"),
-        ('connect = ["tcp/192.0.2.1:7447"]', "publish.connect: 'tcp/192.0.2.1:7447' leads out of this machine unprotected"),
-        ('connect = ["quic/127.0.0.2.test:7447"]', "publish.connect: 'quic/127.0.0.2.test:7447' leads out"),
+        ('listen = ["tcp/[::]:7447"]', "publish.listen: 'tcp/[::]:7447' leaves this machine unprotected"),
+        ('listen = ["tcp/localhost.evil.test:7447"]', "leaves this machine unprotected"),
+        ('listen = ["udp/224.0.0.224:7446"]', "leaves this machine unprotected"),
+        ('connect = ["tcp/192.0.2.1:7447"]', "publish.connect: 'tcp/192.0.2.1:7447' leaves this machine unprotected"),
+        ('connect = ["quic/127.0.0.2.test:7447"]', "publish.connect: 'quic/127.0.0.2.test:7447' leaves this machine"),
         ('listen = ["tls/0.0.0.0:7447"]', "publish.listen: 'tls/0.0.0.0:7447' found, expected [publish.tls] with it"),
         (TLS, "publish.listen: 'tcp/127.0.0.1:7447' found beside [publish.tls], expected tls/HOST:PORT"),
         (
@@ -338,9 +338,9 @@ TLS = '\n[publish.tls]\nca = "ca.pem"\ncertificate = "car.pem"\nkey = "/etc/car.
         ('plaintext = true\nlisten = ["tls/[::]:7447"]' + TLS, "publish.plaintext: found beside [publish.tls], expected one of them"),
         (
             '[metrics]\nlisten = "0.0.0.0:9464"',
-            "metrics.listen: '0.0.0.0:9464' leads out of this machine unprotected, expected the loopback",
+            "metrics.listen: '0.0.0.0:9464' leaves this machine unprotected, expected the loopback",
         ),
-        ('plaintext = true\n[metrics]\nlisten = "[::]:9464"', "metrics.listen: '[::]:9464' leads out of this machine unprotected"),
+        ('plaintext = true\n[metrics]\nlisten = "[::]:9464"', "metrics.listen: '[::]:9464' leaves this machine unprotected"),
     ],
 )
 def test_what_would_expose_the_service_is_refused(tmp_path: Path, publish: str, expected: str) -> None:

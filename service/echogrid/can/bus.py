@@ -1,4 +1,4 @@
-"""Live CAN buses through python-can: opened, read, and opened anew when they went away."""
+"""Live CAN buses through python-can: opened, read, and reopened after they went away."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class BusHealth:
     frames: int = 0
     errors: int = 0  # error frames of the controller
     bus_off: int = 0  # those among them that say that it left the bus
-    overflow: int = 0  # frames that the kernel dropped because nobody took them out of the receive buffer in time
+    overflow: int = 0  # frames that the kernel dropped because they were not taken out of the receive buffer in time
     reconnects: int = 0
     up: bool = False  # open, and no fault since its last frame
 
@@ -99,7 +99,7 @@ class LiveBus:
         self._wait()
         try:
             self.close()
-        except (can.CanError, OSError):  # what is gone need not be closed in good order
+        except (can.CanError, OSError):  # a device that is gone need not be closed in good order
             self._opened = None
 
     def _wait(self) -> None:

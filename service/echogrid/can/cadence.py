@@ -1,11 +1,11 @@
-"""A message's counter against its period: tells frames that were lost from time that jumped."""
+"""A message's counter against its period: tells lost frames from time that jumped."""
 
 from __future__ import annotations
 
 NS = 1e-9
 JUMP = 0.2  # s: less is a frame that waited
 UNCOUNTED = 3  # periods that a sender may leave out without counting them
-LONGEST = 1.0  # s: after a longer silence, or jump, the sender has started anew
+LONGEST = 1.0  # s: after a longer silence, or jump, the sender has restarted
 GAIN = 0.05  # share of the lag that is taken for jitter and drift
 STEPS = 1000.0  # whose mean the period is
 REGULAR = 0.2  # of the period: a step that differs by more does not count for it

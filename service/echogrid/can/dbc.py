@@ -44,13 +44,13 @@ class Dbc:
         chain = [by_name[name]]
         while (selector := chain[-1].multiplexer_signal) is not None:
             if selector not in by_name or by_name[selector] in chain:
-                raise EchogridError(f"{self.path}: message '{message.name}': no signal decides when '{name}' is there")
+                raise EchogridError(f"{self.path}: message '{message.name}': no signal says when '{name}' is present")
             chain.append(by_name[selector])
         for signal in chain:
             if not fits(signal, message.length):
                 raise EchogridError(
                     f"{self.path}: message '{message.name}': signal '{signal.name}' of {signal.length} bits from bit {signal.start} on "
-                    f"is no number within its {message.length} bytes"
+                    f"is not a number within its {message.length} bytes"
                 )
         return by_name[name]
 
@@ -70,12 +70,12 @@ class Dbc:
         known = {"crc8": fastcrc.crc8, "crc16": fastcrc.crc16, "crc32": fastcrc.crc32}
         compute = getattr(known.get(module), function, None) if function in _algorithms(known.get(module)) else None
         if compute is None:
-            raise EchogridError(f"{self.profile}: {key}: '{algorithm}' is no checksum that is known, expected one such as crc8.sae_j1850")
+            raise EchogridError(f"{self.profile}: {key}: '{algorithm}' is not a known checksum, expected one such as crc8.sae_j1850")
         return Checksum(layout, compute)
 
 
 class Checksum:
-    """Where a checksum lies in a frame, and how it is computed."""
+    """Where a checksum is in a frame, and how it is computed."""
 
     def __init__(self, layout: SignalLayout, compute: Callable[[bytes], int]) -> None:
         self.layout = layout

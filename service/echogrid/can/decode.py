@@ -24,9 +24,9 @@ EXACT = 2**53  # integers beyond do not fit a float64
 
 @dataclass(frozen=True, slots=True)
 class SignalLayout:
-    """Where a signal's bits lie, and what its raw value means: physical = raw * scale + offset.
+    """Where a signal's bits are, and what its raw value means: physical = raw * scale + offset.
 
-    What is a Python int of scale and offset is reckoned exactly, as cantools does, and not rounded before the end.
+    A scale or offset that is a Python int is computed exactly, as in cantools, and rounded only at the end.
     """
 
     lsb_byte: int
@@ -73,7 +73,7 @@ def layout_of(signal: DbcSignal) -> SignalLayout:
 
 
 def fits(signal: DbcSignal, length: int) -> bool:
-    """Whether the signal's layout is sound and lies within `length` bytes; cantools takes any."""
+    """Whether the signal's layout is valid and within `length` bytes; cantools accepts any."""
     lengths = (16, 32, 64) if signal.is_float else range(1, 65)
     first = signal.start if signal.byte_order == "little_endian" else 8 * (signal.start // 8) + 7 - signal.start % 8
     return (

@@ -13,10 +13,10 @@ Item = tuple[str, can.Message, float]  # bus, message, time.monotonic() when it 
 
 
 class FrameQueue:
-    """Thread-safe. `dropped` counts the radar frames that had to go.
+    """Thread-safe. `dropped` counts the radar frames that were dropped.
 
-    A full queue loses all radar frames of its older half at once: so whole scans go, and those that stay are whole. Losing one frame at a
-    time would spoil every scan. Only what nobody can map any more, ego motion that fills four queues, goes as well: `dropped_motion`.
+    A full queue drops all radar frames of its older half at once: so whole scans are lost, and the others stay whole. Losing one frame at a
+    time would spoil every scan. Ego motion is dropped only if it alone fills four queues, which nothing could map: `dropped_motion`.
     """
 
     def __init__(self, limit: int, is_motion: Callable[[str, can.Message], bool]) -> None:

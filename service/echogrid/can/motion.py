@@ -59,7 +59,7 @@ class MotionReader:
         return set(self.checks)
 
     def add(self, message: can.Message, received_ns: int) -> list[EgoMotion]:
-        """What the frame says of the motion. Raises ValueError for a frame that is unsound: it changes nothing."""
+        """What the frame says of the motion. Raises ValueError for a bad frame, which changes nothing."""
         frame_id = (message.arbitration_id, message.is_extended_id)
         payload = self.checks[frame_id].payload(message)
         motion: list[EgoMotion] = []
@@ -101,7 +101,7 @@ class _FrameCheck:
         return 0 if self.cadence is None else self.cadence.missing
 
     def payload(self, message: can.Message) -> bytes:
-        """The message's bytes; raises ValueError where they are unsound."""
+        """The message's bytes; raises ValueError if they are bad."""
         payload = bytes(message.data[: self.length])
         if len(payload) < self.length:
             raise ValueError("too short")

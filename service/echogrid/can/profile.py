@@ -1,6 +1,6 @@
 """Sensor profiles: which signal of which DBC is which quantity, in what unit and sign, and how a cycle is put together.
 
-A profile is a TOML file beside the DBC (dbc/README.md describes every key). No sensor is known to the code by name. Signal names may
+A profile is a TOML file beside the DBC (dbc/README.md describes every key). The code knows no sensor by name. Signal names may
 hold `{n}`, the number of the message, and `{k}`, the number of the detection in its frame, in Python's format syntax: `{n:02d}`.
 """
 
@@ -56,7 +56,7 @@ class Quantity(Table, frozen=True):
 
     def __post_init__(self) -> None:
         if self.unit not in FACTORS:
-            raise ValueError(f"'{self.unit}' is no unit that is known, expected one of {', '.join(FACTORS)}")
+            raise ValueError(f"'{self.unit}' is not a known unit, expected one of {', '.join(FACTORS)}")
 
     @property
     def factor(self) -> float:
@@ -141,7 +141,7 @@ class RadarProfile(Table, frozen=True, tag_field="kind", tag="radar"):
     """How one radar's traffic becomes scans.
 
     `ends_with`: the message that ends a cycle, for sensors whose header does not come first. `frames`: detection frames in every
-    cycle, where the header's count does not say so. `latency_ms` stands in for a measurement age that the sensor does not report.
+    cycle, if the header's count does not say so. `latency_ms` replaces a measurement age that the sensor does not report.
     """
 
     detections: Detections
@@ -159,7 +159,7 @@ class RadarProfile(Table, frozen=True, tag_field="kind", tag="radar"):
         if self.header is None and (self.ends_with is None or self.frames is None):
             raise ValueError("without a [header], ends_with and frames must say where a cycle ends")
         if self.header is not None and not self.header.count and self.frames is None:
-            raise ValueError("needs header.count or frames, to know when a cycle is whole")
+            raise ValueError("needs header.count or frames, to know when a cycle is complete")
 
 
 class WheelSpeeds(Table, frozen=True):

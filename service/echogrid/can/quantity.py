@@ -17,7 +17,7 @@ from echogrid.core.messages import Floats
 from echogrid.errors import EchogridError
 
 PLACE = re.compile(r"\{[nk](:0\dd)?\}")
-GREATEST = 1e9  # SI units; what is beyond is no measurement, but floats out of garbage
+GREATEST = 1e9  # SI units; a larger value is not a measurement, but a float read from garbage
 
 
 class QuantityReader:
@@ -55,8 +55,8 @@ class QuantityReader:
         for decoder, message in zip(decoders, messages, strict=True):
             if not same_layout(decoder, self._decoder):
                 raise EchogridError(
-                    f"{dbc.profile}: {key}: in {dbc.path} message '{message.name}' is laid out unlike '{messages[0].name}', "
-                    "expected all to be alike"
+                    f"{dbc.profile}: {key}: in {dbc.path} message '{message.name}' has another layout than '{messages[0].name}', "
+                    "expected the same for all"
                 )
 
     @np.errstate(over="ignore", invalid="ignore")  # of floats that are garbage
@@ -95,8 +95,8 @@ class QuantityReader:
 def fill(template: str, key: str, dbc: Dbc, **numbers: int) -> str:
     """A name with its numbers put in."""
     if re.search(r"[{}]", PLACE.sub("", template)):  # Python's formats could ask for the inside of objects, or for gigabytes of blanks
-        raise EchogridError(f"{dbc.profile}: {key}: '{template}' is no name with {{n}} or {{k}} in it, such as {{n:02d}}")
+        raise EchogridError(f"{dbc.profile}: {key}: '{template}' is not a name with {{n}} or {{k}} in it, such as {{n:02d}}")
     try:
         return template.format(**numbers)
     except KeyError as error:
-        raise EchogridError(f"{dbc.profile}: {key}: '{template}' is no name with {{n}} or {{k}} in it: {error}") from error
+        raise EchogridError(f"{dbc.profile}: {key}: '{template}' is not a name with {{n}} or {{k}} in it: {error}") from error

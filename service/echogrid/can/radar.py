@@ -60,7 +60,7 @@ class RadarReader:
         return set(self.roles)
 
     def add(self, message: can.Message, received_ns: int) -> RadarScan | None:
-        """The scan that this frame completes, if any. Raises ValueError for a frame that is unsound."""
+        """The scan that this frame completes, if any. Raises ValueError for a bad frame."""
         role = self.roles[message.arbitration_id, message.is_extended_id]
         payload = bytes(message.data[: role.length])
         if len(payload) < role.length:

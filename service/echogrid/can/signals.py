@@ -18,8 +18,8 @@ from echogrid.core.health import Health, SensorHealth
 from echogrid.core.messages import EgoMotion, RadarScan
 from echogrid.errors import EchogridError
 
-STEP_NS = 1_000_000_000  # a frame that is older or newer than the newest by more is no reordering: it is a stray, or time has stepped
-BACK_FOR_NS = 1_000_000_000  # frames that go on for so long before the newest one: the clock was set back
+STEP_NS = 1_000_000_000  # a frame that is older or newer than the newest by more was not reordered: it is a stray, or time has stepped
+BACK_FOR_NS = 1_000_000_000  # if frames stay older than the newest one for so long, the clock was set back
 AHEAD_FOR = 5  # frames in a row so far after it: there was a pause, or the clock was set forward
 
 
@@ -33,7 +33,7 @@ class TrafficTime:
         self._run = 0
 
     def takes(self, received_ns: int) -> bool:
-        """Whether a frame's time is to be believed."""
+        """Whether a frame's time can be trusted."""
         if self.newest_ns is None or abs(received_ns - self.newest_ns) <= STEP_NS:
             self.newest_ns = received_ns if self.newest_ns is None else max(received_ns, self.newest_ns)
             self._run_ns = None
@@ -83,7 +83,7 @@ class SignalReader:
             if other is not reader:
                 taken = "motion" if isinstance(other, MotionReader) else other.sensor
                 raise EchogridError(
-                    f"'{taken}' and '{name}' both read id 0x{frame_id[0]:X} on bus '{bus}': give one another bus or id_offset"
+                    f"'{taken}' and '{name}' both read id 0x{frame_id[0]:X} on bus '{bus}': give one of them another bus or id_offset"
                 )
 
     @property
@@ -96,13 +96,13 @@ class SignalReader:
         return sorted(frame_id for name, frame_id in self.readers if name == bus)
 
     def add(self, bus: str, message: can.Message) -> list[RadarScan | EgoMotion]:
-        """What a message completes. An unsound one changes nothing and is counted."""
+        """What a message completes. A bad one changes nothing and is counted."""
         self.health.frames += 1
         if message.is_error_frame or message.is_remote_frame:
             self.health.bad_frames += 1
             return []
         # A float of seconds since 1970 holds microseconds, not nanoseconds. Of its fraction, 22 bits, the product is exact, so that it is
-        # rounded as a log of text does it; that of the whole float would be another microsecond for one frame in eight.
+        # rounded as in a text log; rounding the whole float would give another microsecond for one frame in eight.
         fraction, seconds = math.modf(message.timestamp)
         received_ns = (int(seconds) * 1_000_000 + round(fraction * 1e6)) * 1000
         if not self.time.takes(received_ns):
@@ -141,7 +141,7 @@ def _dbc_path(profile: RadarProfile | MotionProfile, override: str | None, path:
     if override is not None:
         return source.parent / override
     if profile.dbc is None:
-        raise EchogridError(f"{path} comes without a DBC file: give its path as 'dbc'")
+        raise EchogridError(f"{path} is shipped without a DBC file: give its path as 'dbc'")
     return path.parent / profile.dbc
 
 

@@ -30,7 +30,7 @@ def command(config_path: Path, log: Path | None) -> None:
     complaints = report.complaints()
     if complaints:
         raise EchogridError(f"{log}: " + "; ".join(complaints))
-    print(f"{log}: all is there")
+    print(f"{log}: nothing is missing")
 
 
 @dataclass(slots=True)
@@ -79,7 +79,7 @@ class Report:
             if stream.longest_gap > 0.5:
                 said.append(f"'{name}' is silent for {stream.longest_gap:.1f} s")
         if self.health.bad_frames:
-            said.append(f"{self.health.bad_frames} frames are unsound (length, checksum, counter, value or time)")
+            said.append(f"{self.health.bad_frames} frames are bad (length, checksum, counter, value or time)")
         return said
 
 
@@ -109,7 +109,7 @@ def check_log(config: Config, source: Path, path: Path) -> Report:
 def render(report: Report) -> str:
     """The report as lines of text."""
     health = report.health
-    lines = [f"{health.frames} frames in {report.seconds:.1f} s, {health.unknown_frames} of other ids, {health.bad_frames} unsound, "]
+    lines = [f"{health.frames} frames in {report.seconds:.1f} s, {health.unknown_frames} of other ids, {health.bad_frames} bad, "]
     lines[0] += f"{health.lost_frames} missing by their counters"
     row = "{:<14}{:>8}{:>9}{:>10}{:>12}{:>10}{:>9}{:>12}".format
     lines.append(row("", "rate", "complete", "gap", "incomplete", "repeated", "bad crc", "detections"))

@@ -156,7 +156,7 @@ def _play(service: Service, log: Path, on_progress: Callable[[float], None] | No
 
 
 def _wait_for(service: Service, frames: int) -> None:
-    """Until the service has taken so many frames in. Raises EchogridError where it stands still."""
+    """Waits until the service has received so many frames. Raises EchogridError if it gets no further."""
     health = service.pipeline.health
     seen, deadline = health.frames, time.monotonic() + PATIENCE
     while health.frames < frames and not service.workers.stop.is_set():
@@ -164,11 +164,11 @@ def _wait_for(service: Service, frames: int) -> None:
         if health.frames > seen:
             seen, deadline = health.frames, time.monotonic() + PATIENCE
         elif time.monotonic() > deadline:
-            raise EchogridError(f"the service took {seen} frames in, then none for {PATIENCE:.0f} s")
+            raise EchogridError(f"the service received {seen} frames, then none for {PATIENCE:.0f} s")
 
 
 def watch(endpoint: str, vehicle: str, out: Path) -> None:
-    """The subscriber: receives windows until the service is gone, then draws what it holds into received.png."""
+    """The subscriber: receives windows until the service ends, then draws the newest into received.png."""
     with Client(endpoint, vehicle) as client:
         deadline = time.monotonic() + PATIENCE
         while not client.alive():

@@ -1,4 +1,4 @@
-"""`echogrid replay`: a recording through the whole chain, and what came out of it as files."""
+"""`echogrid replay`: a recording through the whole chain, and its results as files."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ def replay(
 ) -> dict[str, Any]:
     """Runs a recording through the chain and writes its files into `out`; returns the summary.
 
-    `record`: an MCAP file of it as well. `store`: the map's tiles into this file as well, which may hold others' already.
+    `record`: also write an MCAP file. `store`: also write the map's tiles into this file, which may already hold other maps.
 
-    A torn recording is mapped up to where it tears; what was read is written, then EchogridError is raised. A recording with no id
+    A torn recording is mapped up to where it breaks off; the files are written, then EchogridError is raised. A recording with no id
     that the configuration knows is refused with an EchogridError, and nothing is written.
     """
     config = load_config(drive.config, model)
@@ -81,7 +81,7 @@ def replay(
                 recording.discard()
             raise torn or EchogridError(_nothing_known(drive, pipeline, found))
         if keeper is not None and torn is None:
-            _flush(keeper)  # before it is read as a whole, so that none has to wait
+            _flush(keeper)  # before the log is read, so that no frame has to wait
         summary = recorder.write(out, truth)
         if keeper is not None and torn is None:
             _flush(keeper)
@@ -91,7 +91,7 @@ def replay(
 
 
 def _flush(keeper: TileKeeper) -> None:
-    """Nobody waits for the mapping here: a disk that cannot be written ends it."""
+    """Nothing waits for the mapping here, so a disk that cannot be written ends it."""
     keeper.flush()
     if keeper.status.state != "ok":
         raise EchogridError(keeper.status.reason)

@@ -31,7 +31,7 @@ def run(config_path: Path, model: str | None = None, record: Path | None = None,
             service.reload(load_config(config_path, model))
             log.info(f"{config_path} was read again: {service.config.publish}")
         except EchogridError as error:
-            log.error(f"not reloaded, going on as before: {error}")  # each refusal is told
+            log.error(f"not reloaded, the configuration stays as it was: {error}")  # each refusal is logged
         notifier.ready("reloaded")
 
     for number in (signal.SIGTERM, signal.SIGINT):

@@ -19,7 +19,7 @@ BUMPER = 0.2  # m: how far outside the outline a radar may sit, behind a bumper
 
 
 def load_config(path: Path, model: str | None = None) -> Config:
-    """Reads and checks a configuration file; `model` stands in for its own, from the working folder.
+    """Reads and checks a configuration file; `model` overrides its own, relative to the working folder.
 
     Raises EchogridError with one sentence that names the file and the key.
     """
@@ -69,7 +69,7 @@ def _problems(config: Config) -> Iterator[str]:
     if config.metrics.listen is not None and config.metrics.address() is None:
         yield f"metrics.listen: '{config.metrics.listen}' found, expected an address and a port such as '127.0.0.1:9464'"
     elif config.metrics.listen is not None and not config.metrics.plaintext and not _stays_here(f"tcp/{config.metrics.listen}"):
-        yield f"metrics.listen: '{config.metrics.listen}' leads out of this machine unprotected, expected the loopback, or plaintext = true"
+        yield f"metrics.listen: '{config.metrics.listen}' leaves this machine unprotected, expected the loopback, or plaintext = true"
     file = config.metrics.file
     if file is not None and not (file.startswith("/") and file.endswith(".prom")):
         yield f"metrics.file: '{file}' found, expected an absolute path that ends in .prom, as node_exporter reads no other"
@@ -95,12 +95,12 @@ def _problems(config: Config) -> Iterator[str]:
 def _exposed(endpoint: str, publish: Publish) -> str | None:
     """What is wrong with an endpoint's protection, or None."""
     if publish.tls is not None:
-        return None if endpoint.startswith("tls/") else "found beside [publish.tls], expected tls/HOST:PORT: others bring no certificate"
+        return None if endpoint.startswith("tls/") else "found beside [publish.tls], expected tls/HOST:PORT: others have no certificate"
     if endpoint.startswith("tls/"):
         return "found, expected [publish.tls] with it"
     if publish.plaintext or _stays_here(endpoint):
         return None
-    return "leads out of this machine unprotected, expected tls/HOST:PORT and [publish.tls], or plaintext = true on a trusted network"
+    return "leaves this machine unprotected, expected tls/HOST:PORT and [publish.tls], or plaintext = true on a trusted network"
 
 
 def _stays_here(endpoint: str) -> bool:

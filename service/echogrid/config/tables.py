@@ -19,7 +19,7 @@ from echogrid.core.radar.static_gate import GateNoise
 Positive = Annotated[float, Meta(ge=1e-6, le=1e6)]  # wide enough for whatever unit, and nothing overflows
 NotNegative = Annotated[float, Meta(ge=0, le=1e6)]
 Name = Annotated[str, Meta(pattern="^[A-Za-z0-9_-]+$")]  # goes into Zenoh keys
-NAMED = ("analytic", "default", "paper")  # models that are no path
+NAMED = ("analytic", "default", "paper")  # models that are not a path
 NOISE, BEAM = GateNoise(), BeamModel()
 
 
@@ -136,7 +136,7 @@ class Store(Table, frozen=True):
 
 
 class Tls(Table, frozen=True):
-    """The service's PEM files, and whom it lets in: the common names in the certificates of those who may see."""
+    """The service's PEM files, and who may connect: the common names in the viewers' certificates."""
 
     ca: str
     certificate: str
@@ -157,7 +157,7 @@ class Publish(Table, frozen=True):
 
 
 class Ros(Table, frozen=True):
-    """Under which names ROS 2 nodes with rmw_zenoh see the topics; "jazzy" stands for all distributions since Iron."""
+    """Under which names ROS 2 nodes with rmw_zenoh see the topics; "jazzy" covers all distributions since Iron."""
 
     distro: Literal["jazzy", "humble", "off"] = "jazzy"
     domain: Annotated[int, Meta(ge=0, le=232)] = 0  # ROS_DOMAIN_ID
@@ -172,7 +172,7 @@ class Metrics(Table, frozen=True):
     file: str | None = None  # for node_exporter's textfile collector
 
     def address(self) -> tuple[str, int] | None:
-        """Host and port of `listen`; None where there is none or it is not of that form."""
+        """Host and port of `listen`; None if there is none or it is not of that form."""
         try:
             parts = urlsplit(f"//{self.listen}")
             host, port = parts.hostname, parts.port
@@ -188,7 +188,7 @@ class Config(Table, frozen=True):
     vehicle: Name = "car"
     model: str = "default"  # one of NAMED, or the path of an .onnx file
     model_sha256: Annotated[str, Meta(pattern="^[0-9a-f]{64}$")] | None = None  # of the path's file
-    model_fallback: bool = False  # the analytic model where the configured one is not sound
+    model_fallback: bool = False  # the analytic model if the configured one fails its checks
     body: Body = Body()
     grid: Grid = Grid()
     gate: Gate = Gate()

@@ -27,9 +27,9 @@ def load(path: Path, kind: type[T]) -> T:
     try:
         document = tomllib.loads(read(path, MOST_BYTES).decode(), parse_float=_finite)
     except UnicodeDecodeError as error:
-        raise EchogridError(f"{path}: is not a text file (byte {error.start} is no UTF-8)") from error
+        raise EchogridError(f"{path}: is not a text file (byte {error.start} is not UTF-8)") from error
     except RecursionError as error:
-        raise EchogridError(f"{path}: holds tables or arrays too deep inside each other") from error
+        raise EchogridError(f"{path}: tables or arrays are nested too deeply") from error
     except ValueError as error:  # TOMLDecodeError, and what Python says of endless numbers
         raise EchogridError(f"{path}: is not valid TOML: {error}") from error
     try:
@@ -42,7 +42,7 @@ def _finite(text: str) -> float:
     """A number that can be reckoned with: nothing in our tables may be TOML's inf or nan."""
     number = float(text)
     if not math.isfinite(number):
-        raise ValueError(f"'{text}' is no finite number")
+        raise ValueError(f"'{text}' is not a finite number")
     return number
 
 

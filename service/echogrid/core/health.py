@@ -16,8 +16,8 @@ class SensorHealth:
     repeated: int = 0  # frames, headers or whole cycles received twice
     wrong_cycle: int = 0  # detection frames that belong to no open cycle
     bad_crc: int = 0  # cycles, or single frames where each has its own, whose checksum is wrong
-    invalid: int = 0  # detections flagged invalid by the sensor, or with a value that is no number
-    distrusted: int = 0  # complete scans that were left out of the map, since the radar could not be believed
+    invalid: int = 0  # detections flagged invalid by the sensor, or with a value that is not a number
+    distrusted: int = 0  # complete scans that were left out of the map, since the radar was not trusted
     truncated: int = 0  # detections beyond `max_detections`, the farthest first
 
     def as_dict(self) -> dict[str, int]:

@@ -1,4 +1,4 @@
-"""What the journal and the service manager are told of the running service."""
+"""What the journal and the service manager are told about the running service."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from echogrid.core.trust.watch import State
 from echogrid.watching.systemd import Notifier
 
 log = logging.getLogger("echogrid")
-TURNING = 1.0  # s within which the mapping has to come round for the watchdog
+TURNING = 1.0  # s within which the mapping loop has to run for the watchdog
 
 
 class Manager:
@@ -19,7 +19,7 @@ class Manager:
     could be placed, by the mapping's coming round."""
 
     def __init__(self, turned: Callable[[], float]) -> None:
-        """`turned`: for how many seconds the mapping has not come round."""
+        """`turned`: for how many seconds the mapping loop has not run."""
         self.notifier = Notifier()
         self._turned = turned
         self._told: State | None = None

@@ -38,7 +38,7 @@ class Mapping:
         self._add = add
         self._queue = queue
         self._snapshots = Snapshots()
-        self._mapped_at = time.monotonic()  # when the newest frame was taken in: a lag is latency, not silence
+        self._mapped_at = time.monotonic()  # when the newest frame was processed: a lag is latency, not silence
         self._lag = 0.0  # s, from that frame's receipt to then
         self._turned_at = time.monotonic()  # when the mapping last came round
         self._latencies: deque[float] = deque(maxlen=LATENCIES)  # s, from a frame's receipt to the map update that it ended
@@ -65,7 +65,7 @@ class Mapping:
                 self.outbox.put(snapshot)
 
     def state(self) -> State:
-        """Of the map, now. The traffic's own time goes on by the monotonic clock, so that no step of another one matters."""
+        """Of the map, now. The traffic's own time continues by the monotonic clock, so that steps of other clocks do not matter."""
         state = self.pipeline.state(round((time.monotonic() - self._mapped_at) * 1e9))
         if self._lag > MOST_LAG and state.name in ("ok", "degraded"):
             return State("stale", (f"mapping: {self._lag:.1f} s behind the buses", *state.reasons))

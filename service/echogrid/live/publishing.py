@@ -17,17 +17,17 @@ from echogrid.topics.topic import Message, Sink
 
 log = logging.getLogger("echogrid")
 STATUS_PERIOD = 1.0  # s
-META_PERIOD = 10.0  # s: whoever comes later is given the last one, but for who reaches a router at the same moment as the service
+META_PERIOD = 10.0  # s: late subscribers get the last one, except those who reach a router at the same moment as the service
 
 
 class Publishing:
     """Remembers the sinks that still take messages. One thread runs `run`.
 
-    A subscriber that is slow costs nothing but its own messages; a sink that can take no more is told of and left out.
+    A slow subscriber loses only its own messages; a sink that can take no more is logged and left out.
     """
 
     def __init__(self, announcer: Announcer, outbox: Outbox, status: Callable[[], dict[str, Any]]) -> None:
-        """`status` is asked once a second for what goes out as status."""
+        """`status` is called once a second for the status that is published."""
         self.sinks: list[Sink] = []
         self._announcer = announcer
         self._outbox = outbox
@@ -64,4 +64,4 @@ class Publishing:
                     sink.put(message)
                 except EchogridError as error:
                     self.sinks.remove(sink)
-                    log.error(f"{error}; going on without it")  # each is told
+                    log.error(f"{error}; continuing without it")  # each is logged

@@ -39,7 +39,7 @@ RELOADABLE = ("rate_hz", "window_cells")  # keys of [publish] that a running ser
 class Service:
     """One thread per bus receives, the caller's thread maps, one thread publishes, others keep, record and answer; none waits for another.
 
-    `add` takes each message to the pipeline; a recorder may stand in for it. `record`: an MCAP file of the frames and of what is published.
+    `add` takes each message to the pipeline; a recorder may replace it. `record`: an MCAP file of the frames and of what is published.
     `foxglove`: host and port of a live view. `workers.stop` ends the service at its next look; `reload` is called from a signal's handler.
     """
 

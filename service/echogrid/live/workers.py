@@ -11,7 +11,7 @@ WAIT = 0.1  # s: a thread looks this often whether it is to end
 
 
 class Workers:
-    """Threads that run until `stop` is set. What one of them raises is kept in `failure` and sets `stop`: none goes on without it."""
+    """Threads that run until `stop` is set. What one of them raises is kept in `failure` and sets `stop`: none continues without it."""
 
     def __init__(self) -> None:
         self.stop = threading.Event()
@@ -41,5 +41,5 @@ class Workers:
     def _run(self, run: Callable[[threading.Event], None]) -> None:
         try:
             run(self.stop)
-        except Exception as error:  # no fault of a bus, a disk, a subscriber or whoever asks: those each part survives
+        except Exception as error:  # not a fault of a bus, a disk, a subscriber or a query: each part survives those
             self.fail(error)

@@ -10,7 +10,7 @@ from typing import BinaryIO
 import can
 
 MOST_BYTES = 64 << 20  # of a header or object, packed or not; writers fill containers of some 100 KiB
-MOST_INSIDE = 1 << 20  # of an object in a container: one that is not whole is joined with what follows, over and over
+MOST_INSIDE = 1 << 20  # of an object in a container: an incomplete one is joined with what follows, over and over
 BASE = struct.Struct("<4sHHII")  # what every object begins with: signature, header's size and version, object's size and type
 CONTAINER = struct.Struct("<H6xI4x")  # method, unpacked size
 IN_CONTAINER, STORED, DEFLATED = 10, 0, 2
@@ -26,7 +26,7 @@ class Blf(can.BLFReader):
         while base := self.file.read(BASE.size):
             signature, _, _, size, kind = BASE.unpack(base)
             if signature != b"LOBJ":
-                raise ValueError("where an object should begin there is none")
+                raise ValueError("no object where one should start")
             body = self.file.read(size - BASE.size)
             self.file.read(size % 4)
             if kind == IN_CONTAINER:
@@ -37,7 +37,7 @@ class Blf(can.BLFReader):
 
 
 class _Bounded:
-    """A file of which no more than MOST_BYTES are read at once."""
+    """A file from which at most MOST_BYTES are read at once."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
@@ -55,7 +55,7 @@ def _unpacked(body: bytes) -> bytes:
     if method == STORED:
         return packed
     if method != DEFLATED:
-        raise ValueError(f"a container is packed by the unknown method {method}")
+        raise ValueError(f"a container is compressed by the unknown method {method}")
     unpacker = zlib.decompressobj()
     data = unpacker.decompress(packed, MOST_BYTES)
     if unpacker.unconsumed_tail:

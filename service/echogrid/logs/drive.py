@@ -77,7 +77,7 @@ def load_truth(path: Path) -> Truth | None:
                 x, y = map(float, file["origin"])
                 known = TrueMap(file["log_odds"].astype(np.float32), (x, y))
                 if known.log_odds.ndim != 2:
-                    raise ValueError("the map log_odds is no plane")
+                    raise ValueError("the map log_odds is not two-dimensional")
             return Truth(stamp_ns, np.stack(columns, axis=1), known)
     except Exception as error:  # zipfile, zlib and numpy raise what garbage makes them stumble over
-        raise EchogridError(f"{path}: is no truth file with the arrays stamp_ns, x, y and yaw: {error}") from error
+        raise EchogridError(f"{path}: is not a truth file with the arrays stamp_ns, x, y and yaw: {error}") from error

@@ -40,7 +40,7 @@ class Log:
         self._suffix = "".join(suffixes[-2:-1] if self._zipped else suffixes[-1:])
         if self._suffix not in (*MESSAGE_READERS, *OURS) or (self._zipped and self._suffix in (*BY_PATH, *OURS)):
             expected = " ".join((*TEXT, *BINARY, *BY_PATH, *OURS))
-            raise EchogridError(f"{path}: is no log format that is known, expected one of {expected} (text and .blf also with .gz)")
+            raise EchogridError(f"{path}: is not a known log format, expected one of {expected} (text and .blf also with .gz)")
         try:
             self._size = path.stat().st_size
             self._raw = path.open("rb")
@@ -97,7 +97,7 @@ class _Lines(io.TextIOWrapper):
 
 
 def _check(message: can.Message) -> None:
-    """Raises ValueError for what no reader should have taken: SQLite and text know numbers that are no time, or no id."""
+    """Raises ValueError for what no reader should have accepted: SQLite and text can hold numbers that are not a time or an id."""
     if not (isinstance(message.timestamp, int | float) and abs(message.timestamp) < END_OF_TIME):
         raise ValueError(f"the next message's time is {message.timestamp!r}")
     if not isinstance(message.arbitration_id, int):
@@ -105,7 +105,7 @@ def _check(message: can.Message) -> None:
 
 
 def _check_database(path: Path) -> None:
-    """Raises ValueError unless the messages lie there as such: a view or a computed column can go on for ever."""
+    """Raises ValueError unless the messages are in a plain table: a view or a computed column may never end."""
     with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
         kinds = [kind for (kind,) in database.execute("SELECT type FROM pragma_table_list WHERE schema = 'main' AND name = 'messages'")]
         computed = database.execute("SELECT count(*) FROM pragma_table_xinfo('messages') WHERE hidden").fetchone()

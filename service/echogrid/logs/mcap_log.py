@@ -44,7 +44,7 @@ class McapLog:
 
     def __iter__(self) -> Iterator[can.Message]:
         if self._file.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-            raise ValueError("it is no MCAP file: it begins otherwise")
+            raise ValueError("it is not an MCAP file: it starts with other bytes")
         for opcode, body in self._all_records():
             if opcode == Opcode.MESSAGE:
                 channel = _MESSAGE.unpack_from(body)[0]
@@ -87,10 +87,10 @@ class McapLog:
         if name != CAN_FRAME:
             return
         if channel.message_encoding != "cdr" or not ours:
-            raise ValueError(f"the frames on {channel.topic[:LONGEST_NAME]} are written in another way than by this version")
+            raise ValueError(f"the frames on {channel.topic[:LONGEST_NAME]} are in another format than this version writes")
         called = json.loads(channel.metadata.get("channel", "null"))
         if not isinstance(called, str | int | None) or len(str(called)) > LONGEST_NAME:
-            raise ValueError("a channel's name in python-can is no name")
+            raise ValueError("a channel's name in python-can is not a name")
         self._buses[channel.id] = called
 
 
@@ -121,7 +121,7 @@ def _unpacked(chunk: Chunk) -> bytes:
     elif not chunk.compression:
         data = chunk.data
     else:
-        raise ValueError(f"a chunk is packed by the unknown method '{chunk.compression[:LONGEST_NAME]}'")
+        raise ValueError(f"a chunk is compressed by the unknown method '{chunk.compression[:LONGEST_NAME]}'")
     if len(data) != size or (chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc):
-        raise ValueError("a chunk is not what its size or its checksum says")
+        raise ValueError("a chunk does not match its size or its checksum")
     return data

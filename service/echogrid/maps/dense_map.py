@@ -22,7 +22,7 @@ WRITTEN = (1980, 1, 1, 0, 0, 0)  # a zip holds times of writing; the same map is
 class DenseMap:
     """Log-odds (H, W), 0 unknown; `origin` is the corner (x, y) of cell [0, 0] in m, `cell` a cell's side in m.
 
-    `seen_s` (H, W) are Unix seconds, `radars` (H, W) one bit for each of `names`; both are None where a file does not say.
+    `seen_s` (H, W) are Unix seconds, `radars` (H, W) one bit for each of `names`; both are None if a file does not say.
     """
 
     log_odds: LogOdds
@@ -43,7 +43,7 @@ class Bands:
 
 
 def write_npz(path: Path, arrays: Mapping[str, NDArray[np.generic] | Bands]) -> None:
-    """Arrays for numpy.load: whole and on the disk when it returns, or not at all. Raises OSError."""
+    """Writes arrays for numpy.load: the file is complete and on disk when it returns, or not there. Raises OSError."""
     with whole(path) as partial, zipfile.ZipFile(partial, "w") as packed:
         for name, array in arrays.items():
             bands = array if isinstance(array, Bands) else Bands(array.shape, array.dtype, (array,))
@@ -72,11 +72,11 @@ def read_npz(path: Path) -> DenseMap:
             radars = file["radars"].astype(np.uint16) if "radars" in file else None
             names = tuple(map(str, file["names"])) if "names" in file else ()
         if log_odds.ndim != 2 or any(plane is not None and plane.shape != log_odds.shape for plane in (seen_s, radars)):
-            raise ValueError("the planes are no planes of one shape")
+            raise ValueError("the planes do not have one shape")
         if not (np.isfinite([x, y, cell]).all() and cell > 0 and np.isfinite(log_odds).all()):
             raise ValueError("not all numbers are finite")
         if radars is not None and int(radars.max(initial=0)) >> len(names):
             raise ValueError(f"radars has bits beyond the {len(names)} names")
     except Exception as error:  # zipfile, zlib and numpy raise what garbage makes them stumble over
-        raise EchogridError(f"{path}: is no map with the arrays log_odds, origin and cell: {error}") from error
+        raise EchogridError(f"{path}: is not a map with the arrays log_odds, origin and cell: {error}") from error
     return DenseMap(log_odds, (x, y), cell, seen_s, radars, names)

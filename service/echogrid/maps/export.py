@@ -1,4 +1,4 @@
-"""A stored map in the formats of others, or as a store of its own."""
+"""A stored map in other formats, or as a store of its own."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ def export(
     """
     form = form or next((name for name, suffix in FORMATS.items() if out.suffix == suffix), None)
     if form is None:
-        raise EchogridError(f"{out}: its suffix tells no format: expected one of {', '.join(FORMATS.values())}, or --format")
+        raise EchogridError(f"{out}: no format has its suffix: expected one of {', '.join(FORMATS.values())}, or --format")
     if form == "ros" and out.suffix != ".yaml":
-        raise EchogridError(f"{out}: a map_server map is named by its .yaml, the picture lies beside it")
+        raise EchogridError(f"{out}: name a map_server map by its .yaml; the picture is written beside it")
     if form != "ros" and mode is not None:
-        raise EchogridError(f"{out}: --mode {mode} is for map_server maps, and this is to be {form}")
+        raise EchogridError(f"{out}: --mode {mode} is for map_server maps, not for {form}")
     mode = mode or "trinary"
     for output in (out, map_server.picture_path(out, mode)) if form == "ros" else (out,):
         may_write(output, force, (path,))
@@ -62,10 +62,10 @@ def export(
         writing = part(on_progress, 1, 2)
         if form == "npz":
             _export_npz(stored, where, out, writing)
-            lost = "the layers that its log-odds are made of"
+            lost = "the layers that its log-odds are computed from"
         elif form == "png":
             _export_png(stored, where, out, writing)
-            lost = "where it lies, when a cell was in view and by which radar"
+            lost = "its position, when a cell was in view and by which radar"
         else:
             _export_map_server(stored, where, out, mode, writing)
             finer = "how sure a cell is" if mode == "trinary" else "what is finer than a percent"
@@ -92,11 +92,11 @@ def box_cells(box: Box, cell: float) -> Rectangle:
 
 
 def _rectangle(stored: StoredEpoch, cells: Rectangle | None, on_progress: OnProgress | None) -> Rectangle:
-    """The cells to be written: those asked for, or all that are known. Raises EchogridError where they are none or too many."""
+    """The cells to write: those requested, or all that are known. Raises EchogridError if there are none or too many."""
     name, cell = f"{stored.store.path}: epoch {stored.number}", stored.description.cell
     where = stored.extent(on_progress).known if cells is None else cells
     if not where.height * where.width:
-        raise EchogridError(f"{name}: not one cell is known, so there is nothing to export")
+        raise EchogridError(f"{name}: no cell is known, so there is nothing to export")
     if where.height * where.width > MOST_CELLS:
         raise EchogridError(
             f"{name}: {where.width} x {where.height} cells ({where.width * cell / 1e3:.1f} x {where.height * cell / 1e3:.1f} km) are more"
@@ -147,7 +147,7 @@ def _export_tiles(stored: StoredEpoch, cells: Rectangle | None, out: Path, on_pr
     """As they are, under the epoch's own number; of a rectangle all tiles that it touches."""
     keys = stored.keys if cells is None else [key for key in stored.keys if _touches(key, cells)]
     if not keys:
-        raise EchogridError(f"{stored.store.path}: epoch {stored.number}: not one tile is there to export")
+        raise EchogridError(f"{stored.store.path}: epoch {stored.number}: there is no tile to export")
     with new_store(out) as store:
         store.begin(stored.description, stored.number)
         for first in range(0, len(keys), AT_ONCE):
@@ -160,7 +160,7 @@ def _export_tiles(stored: StoredEpoch, cells: Rectangle | None, out: Path, on_pr
                 store.write(stored.number, tiles, stamp_ns)
             if on_progress is not None:
                 on_progress(min(1.0, (first + AT_ONCE) / len(keys)))
-    return f"{out}: {len(keys)} tiles of epoch {stored.number}, as they are"
+    return f"{out}: {len(keys)} tiles of epoch {stored.number}, unchanged"
 
 
 def _touches(key: TileKey, cells: Rectangle) -> bool:

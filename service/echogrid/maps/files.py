@@ -30,36 +30,36 @@ def new_store(path: Path) -> Iterator[TileStore]:
 
 
 def read_dense(path: Path) -> DenseMap:
-    """A map in one of the formats of others, by the file's suffix. Raises EchogridError."""
+    """A map in another format, by the file's suffix. Raises EchogridError."""
     if not path.is_file():
         raise EchogridError(f"{path}: there is no such file")
     if path.suffix == ".npz":
         return read_npz(path)
     if path.suffix in (".yaml", ".yml"):
         return map_server.read(path)
-    raise EchogridError(f"{path}: its suffix tells no map format: expected {SUFFIX}, .npz, or the .yaml of a map_server map")
+    raise EchogridError(f"{path}: no map format has its suffix: expected {SUFFIX}, .npz, or the .yaml of a map_server map")
 
 
 def may_write(out: Path, force: bool, inputs: Sequence[Path] = ()) -> None:
-    """Raises EchogridError for an output that is there already, is one of the inputs, or lies in no folder."""
+    """Raises EchogridError for an output that exists already, is one of the inputs, or whose folder does not exist."""
     if not out.parent.is_dir():
         raise EchogridError(f"{out}: there is no folder {out.parent}")
     if not out.exists():
         return
     if any(path.exists() and path.samefile(out) for path in inputs):
-        raise EchogridError(f"{out}: is to be read and written at once: name another output")
+        raise EchogridError(f"{out}: would be read and written at once: name another output")
     if not force:
-        raise EchogridError(f"{out}: is there already: name another output, or give --force to replace it")
+        raise EchogridError(f"{out}: exists already: name another output, or give --force to replace it")
     if out.suffix == SUFFIX:
         _settle(out)
 
 
 def _settle(path: Path) -> None:
-    """A store that is to be replaced: without a -wal file of its own, which SQLite would lay over the new one, and in nobody's hands."""
+    """A store that will be replaced: without a -wal file, which SQLite would apply to the new one, and not open anywhere."""
     try:
         with TileStore(path, write=True) as store:
             store.seal()
     except ForeignFileError:
         return
     except StoreError as error:
-        raise EchogridError(f"{error}: it is not replaced, name another output") from error
+        raise EchogridError(f"{error}: it was not replaced, name another output") from error

@@ -18,7 +18,7 @@ from echogrid.store.store_file import SUFFIX
 
 AT_ONCE = 64  # tiles in one transaction
 CLAMP = 3.5  # log-odds, of the maps it is merged to
-NEVER = 1 << 31  # cells from the origin; no map lies there
+NEVER = 1 << 31  # cells from the origin; no map is there
 
 
 def import_map(path: Path, out: Path, *, vehicle: str = "imported", force: bool = False, on_progress: OnProgress | None = None) -> str:
@@ -29,7 +29,7 @@ def import_map(path: Path, out: Path, *, vehicle: str = "imported", force: bool 
     dense = read_dense(path)
     height, width = dense.log_odds.shape
     if not dense.log_odds.any():
-        raise EchogridError(f"{path}: not one cell of the map is known, so there is nothing to import")
+        raise EchogridError(f"{path}: no cell of the map is known, so there is nothing to import")
     if len(dense.names) > MOST_RADARS:
         raise EchogridError(f"{path}: names: found {len(dense.names)} radars, expected at most {MOST_RADARS}")
     x, y = (along / dense.cell for along in dense.origin)

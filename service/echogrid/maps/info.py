@@ -25,7 +25,7 @@ def lines(document: dict[str, Any], now_s: float) -> list[str]:
     count = len(document["epochs"])
     out = [f"{document['file']}: version {document['version']}, {count} epoch{'s' * (count != 1)}, {_size(document['bytes'])}"]
     for epoch in document["epochs"]:
-        out += ["", f"epoch {epoch['epoch']}: vehicle '{epoch['vehicle']}', begun {_utc(epoch['begun_s'])}"]
+        out += ["", f"epoch {epoch['epoch']}: vehicle '{epoch['vehicle']}', started {_utc(epoch['begun_s'])}"]
         out.append(f"  fusion   {epoch['kind']}, cells of {epoch['cell_m']:g} m")
         out.append(f"  tiles    {epoch['tiles']}, {_size(epoch['bytes'])}")
         measured = f", {epoch['measured_cells']} of them measured, the others learned only" if epoch["kind"] == "looks" else ""
@@ -65,7 +65,7 @@ def _epoch(stored: StoredEpoch, on_progress: OnProgress | None) -> dict[str, Any
 def _utc(seconds: float) -> str:
     try:
         return datetime.datetime.fromtimestamp(seconds, datetime.UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
-    except (OverflowError, ValueError):  # a stamp that is none; the year ends at 9999
+    except (OverflowError, ValueError):  # not a valid stamp; years end at 9999
         return f"{seconds:.0f} s after 1970"
 
 

@@ -3,7 +3,7 @@
 Pixels become cells as nav2_map_server's map_io makes them, in its three modes. A cell (of `nav_msgs/OccupancyGrid`) is 100 * p(occupied),
 0 … 100, or -1 for unknown:
 
-    trinary  0, 100 or -1: free, occupied, unknown; all that is left of a probability is on which side of two thresholds it lies
+    trinary  0, 100 or -1: free, occupied, unknown; of a probability only its side of two thresholds is left
     scale    0 … 100 as grey of 255 levels; unknown is what is not opaque, so the picture is a PNG
     raw      the grey level is the cell, 255 is unknown
 """
@@ -73,7 +73,7 @@ def pixels_of(log_odds: LogOdds, mode: str) -> Pixels:
 def read(yaml: Path) -> DenseMap:
     """The map of a yaml file and its picture; a cell is logit(cell / 100), within +-CLAMP.
 
-    Raises EchogridError for what nav2_map_server would refuse, a turned origin, a picture that is none, and one of more than MOST_CELLS.
+    Raises EchogridError for what nav2_map_server would refuse, a rotated origin, a file that is not a picture, and more than MOST_CELLS.
     """
     header = read_header(yaml)
     pixels, alpha = load_picture(header.image)
@@ -126,7 +126,7 @@ def read_header(yaml: Path) -> Header:
     try:
         text = read_file(yaml, MOST_YAML).decode()
     except UnicodeDecodeError as error:
-        raise EchogridError(f"{yaml}: is not a text file (byte {error.start} is no UTF-8)") from error
+        raise EchogridError(f"{yaml}: is not a text file (byte {error.start} is not UTF-8)") from error
     fields = _fields(yaml, text)
     for key in ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh"):
         if key not in fields:
@@ -139,7 +139,7 @@ def read_header(yaml: Path) -> Header:
         raise EchogridError(f"{yaml}: origin: found {len(origin)} numbers, expected three: x, y, yaw")
     if origin[2] != 0:
         raise EchogridError(
-            f"{yaml}: origin: found the yaw {origin[2]:g}, expected 0: write 0 there, import the map, and turn it by `echogrid map merge`"
+            f"{yaml}: origin: found the yaw {origin[2]:g}, expected 0: write 0 there, import the map, rotate it with `echogrid map merge`"
         )
     cell, occupied, free = (_number(yaml, key, fields[key]) for key in ("resolution", "occupied_thresh", "free_thresh"))
     if cell <= 0:
@@ -184,7 +184,7 @@ def _number(yaml: Path, key: str, text: str) -> float:
 def load_picture(path: Path) -> tuple[NDArray[np.uint8], bool]:
     """Colours (H, W, C) of 8 bits, and whether the last is alpha."""
     if not path.is_file():
-        raise EchogridError(f"{path}: there is no such picture, which the yaml file names")
+        raise EchogridError(f"{path}: the yaml file names this picture, but it does not exist")
     try:
         with Image.open(path) as picture:
             if picture.width * picture.height > MOST_CELLS:
@@ -194,5 +194,5 @@ def load_picture(path: Path) -> tuple[NDArray[np.uint8], bool]:
             alpha = picture.mode in ("LA", "RGBA") or "transparency" in picture.info
             pixels = np.asarray(picture.convert("RGBA" if alpha else "L" if picture.mode in ("1", "L") else "RGB"))
     except Exception as error:  # Pillow raises what garbage makes it stumble over
-        raise EchogridError(f"{path}: is no picture that can be read: {error}") from error
+        raise EchogridError(f"{path}: is not a readable picture: {error}") from error
     return pixels.reshape(*pixels.shape[:2], -1), alpha

@@ -26,7 +26,7 @@ SEVERAL = "several"  # vehicles
 
 @dataclass(frozen=True, slots=True)
 class Input:
-    """A map to be merged and where it lies in the merged one; `epoch`: None is the newest."""
+    """A map to merge and its pose in the merged one; `epoch`: None is the newest."""
 
     path: Path
     epoch: int | None
@@ -124,7 +124,7 @@ def plan(inputs: Sequence[Input]) -> tuple[Description, list[Job]]:
         for key in {key for tile in stored.keys for key in touched(tile, part.placement)}:
             reach.setdefault(key, []).append(part)
     if first is None:
-        raise EchogridError("no map is given to be merged")
+        raise EchogridError("no map to merge was given")
     vehicle = vehicles.pop() if len(vehicles) == 1 else SEVERAL
     what = Description(min(begun_ns), vehicle, first.cell, first.kind, first.clamp, first.calibration, tuple(radars))
     return what, [Job(key, tuple(reach[key])) for key in sorted(reach)]
@@ -164,7 +164,9 @@ def _engine(scheduler: str | None) -> Iterator[Engine]:
         except EchogridError:
             raise
         except Exception as error:  # whatever a worker met: no echogrid, another one, no memory
-            raise EchogridError(f"{scheduler}: a worker failed: {type(error).__name__}: {error}; each needs this echogrid") from error
+            raise EchogridError(
+                f"{scheduler}: a worker failed: {type(error).__name__}: {error}; all need this version of echogrid"
+            ) from error
         return tiles
 
     with client:

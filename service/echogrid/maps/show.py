@@ -37,7 +37,7 @@ def show(
         step = -(-max(*dense.log_odds.shape, 1) // LONGEST)
         seen, (x, y), cell = shrink(dense.log_odds, step), dense.origin, dense.cell
     if not seen.any():
-        raise EchogridError(f"{path}: not one cell of the map is known, so there is nothing to show")
+        raise EchogridError(f"{path}: no cell of the map is known, so there is nothing to show")
     rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
     top, left = int(rows[0]), int(columns[0])
     seen = seen[top : rows[-1] + 1, left : columns[-1] + 1]

@@ -39,13 +39,13 @@ class Extent:
 
 
 class StoredEpoch:
-    """Remembers which tiles there are. While somebody writes the file, each tile is as it was when it was read."""
+    """Remembers which tiles there are. While another process writes the file, each tile is as it was when it was read."""
 
     def __init__(self, store: TileStore, number: int | None) -> None:
-        """`number`: None is the newest. Raises EchogridError where there is none of that number."""
+        """`number`: None is the newest. Raises EchogridError if there is none with that number."""
         epochs = {epoch.id: epoch for epoch in store.epochs()}
         if number is None and not epochs:
-            raise EchogridError(f"{store.path}: holds no map: not one epoch has begun")
+            raise EchogridError(f"{store.path}: holds no map: it has no epoch")
         chosen = max(epochs) if number is None else number
         if chosen not in epochs:
             raise EchogridError(f"{store.path}: epoch {chosen} is not there, found {', '.join(map(str, epochs)) or 'none'}")
@@ -96,7 +96,7 @@ class StoredEpoch:
     def bands(
         self, where: Rectangle, plane: Callable[[Tile], NDArray[T]], dtype: type[T], on_progress: OnProgress | None = None
     ) -> Iterator[NDArray[T]]:
-        """A rectangle of cells, by rows of tiles from the first on: what `plane` (SIDE, SIDE) says of a tile, 0 where there is none."""
+        """A rectangle of cells, by rows of tiles from the first on: `plane` (SIDE, SIDE) of each tile, 0 where there is none."""
         keys = set(self.keys)
         row = where.row
         while row < where.row + where.height:
@@ -114,7 +114,7 @@ class StoredEpoch:
     def overview(self, longest: int, on_progress: OnProgress | None = None) -> tuple[Rectangle, int, LogOdds]:
         """The whole map with no more than `longest` cells along a side, for looking at: which cells, how many of them make one, log-odds.
 
-        Raises EchogridError where the map is so wide that no memory holds even that.
+        Raises EchogridError if the map is so wide that even that does not fit in memory.
         """
         rows, columns = zip(*self.keys, strict=True) if self.keys else ((0,), (0,))
         top, left = min(rows), min(columns)

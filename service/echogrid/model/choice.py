@@ -33,7 +33,7 @@ class Choice:
 def choose(name: str, spec: GridSpec, mounts: Mapping[str, Mount], sha256: str | None = None) -> Choice:
     """`name` is one of SHIPPED or the path of a file, which must then have that SHA-256, if one is given.
 
-    Raises EchogridError where none of the files is sound.
+    Raises EchogridError if none of the files passes its checks.
     """
     if name in SHIPPED:
         return choose_file(shipped(name), spec, mounts, sums())
@@ -42,7 +42,7 @@ def choose(name: str, spec: GridSpec, mounts: Mapping[str, Mount], sha256: str |
 
 
 def folder() -> Path:
-    """Where the shipped models lie."""
+    """The folder of the shipped models."""
     return Path(str(files("echogrid") / "models"))
 
 

@@ -41,12 +41,12 @@ Precision = Literal["float", "int8"]
 class Golden(msgspec.Struct, frozen=True):
     """An image and what the network makes of it, small enough to travel along (base64 in the JSON)."""
 
-    image: bytes  # zlib of uint8 (C, H, W); the paper's: 1 where a detection lies, else 0
+    image: bytes  # zlib of uint8 (C, H, W); the paper's: 1 where a detection is, else 0
     coarse: bytes  # float32 little-endian (P, H / COARSE, W / COARSE): means of the output over blocks
 
 
 class Contract(msgspec.Struct, frozen=True, kw_only=True):
-    """What whoever runs the file must draw, and what comes out. A file may say more about its training."""
+    """What to draw for the file, and what comes out. A file may say more about its training."""
 
     version: int
     cells: int  # along a side: row i is y, column j is x, cell [0, 0] at the rear right
@@ -67,7 +67,7 @@ class OnnxSensorModel:
     """
 
     def __init__(self, path: Path, spec: GridSpec, mounts: Mapping[str, Mount], sha256: str | None = None) -> None:
-        """Raises EchogridError where the file has not that SHA-256 (None: any will do), is no model, was made for another grid, or does not
+        """Raises EchogridError if the file has another SHA-256 (None: any will do), is not a model, was made for another grid, or does not
         give its golden answers."""
         self.path = path
         self.spec = spec
@@ -81,7 +81,7 @@ class OnnxSensorModel:
         try:
             self._session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # onnxruntime's errors have no common class
-            raise EchogridError(f"{path}: is no ONNX model that onnxruntime reads: {_line(error)}") from error
+            raise EchogridError(f"{path}: is not an ONNX model that onnxruntime reads: {_line(error)}") from error
         self.contract = self._read_contract()
         self._check(spec)
         self._raster = HistoryRaster(spec, mounts)
@@ -112,7 +112,7 @@ class OnnxSensorModel:
         try:
             text = self._session.get_modelmeta().custom_metadata_map.get(KEY)
         except UnicodeDecodeError as error:
-            raise EchogridError(f"{self.path}: has metadata that are no text") from error
+            raise EchogridError(f"{self.path}: has metadata that is not text") from error
         if text is None:
             raise EchogridError(f"{self.path}: has no metadata '{KEY}': it was not exported for this service")
         try:
@@ -146,7 +146,7 @@ class OnnxSensorModel:
                     f"{self.path}: {does} a {end.type} of shape {end.shape}, expected a {expected_end[0]} of shape {expected_end[1]}"
                 )
         if not found.golden:
-            raise EchogridError(f"{self.path}: metadata '{KEY}' hold no golden answers to check it by")
+            raise EchogridError(f"{self.path}: metadata '{KEY}' holds no golden answers to check it with")
         for number, golden in enumerate(found.golden):
             self._check_golden(number, golden)
 
@@ -157,7 +157,7 @@ class OnnxSensorModel:
         try:
             image = zlib.decompressobj().decompress(golden.image, MOST_GOLDEN)
         except zlib.error as error:
-            raise EchogridError(f"{self.path}: golden answer {number} holds no packed image: {error}") from error
+            raise EchogridError(f"{self.path}: golden answer {number} is not a packed image: {error}") from error
         if len(image) != np.prod(shape) or len(golden.coarse) != 4 * planes * blocks**2:
             raise EchogridError(f"{self.path}: golden answer {number} is not of {planes} x {blocks} x {blocks} blocks for an image {shape}")
         try:

@@ -28,7 +28,7 @@ class SensorModel:
 
 
 def sensor_model(config: Config, source: Path) -> SensorModel:
-    """As the configuration says. Raises EchogridError where a model file is not sound and it allows no other."""
+    """As the configuration says. Raises EchogridError if a model file fails its checks and the configuration allows no other."""
     if config.model == "analytic":
         return _analytic(config, "the analytic model, as configured")
     try:

@@ -22,9 +22,7 @@ class Foxglove:
         try:
             import foxglove
         except ImportError as error:
-            raise EchogridError(
-                "--foxglove: foxglove-sdk is not installed, the extra brings it: pip install 'echogrid[foxglove]'"
-            ) from error
+            raise EchogridError("--foxglove: foxglove-sdk is not installed: pip install 'echogrid[foxglove]'") from error
         self._context = context = foxglove.Context()  # closes its channels when it goes
         self._channels: dict[str, foxglove.Channel] = {}
         for topic in TOPICS:
@@ -37,7 +35,7 @@ class Foxglove:
             self._server = foxglove.start_server(name=f"echogrid {vehicle}", host=host, port=port, context=context)
         except Exception as error:  # the SDK's own, with what the operating system says
             raise EchogridError(f"--foxglove: {host}:{port} cannot be listened on: {error}") from error
-        self.port = self._server.port  # that was given where 0 was asked for
+        self.port = self._server.port  # the one that was assigned for port 0
 
     def __enter__(self) -> Self:
         return self
@@ -46,7 +44,7 @@ class Foxglove:
         self._server.stop()
 
     def put(self, message: Message) -> None:
-        """To whoever has subscribed to its topic."""
+        """To the subscribers of its topic."""
         at_ns = max(message.stamp_ns, 0)
         self._channels[message.topic.name].log(message.payload, log_time=at_ns)
         if message.topic is META:

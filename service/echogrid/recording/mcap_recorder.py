@@ -1,4 +1,4 @@
-"""The recording of a running service: a bounded queue that nobody waits for, and what empties it into an MCAP file."""
+"""The recording of a running service: a bounded queue that nothing waits for, and the thread that empties it into an MCAP file."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ Item = Message | tuple[str, can.Message]
 
 @dataclass(slots=True)
 class Recording:
-    """How a recording fares; part of the status."""
+    """How a recording is doing; part of the status."""
 
     file: str
     state: str = STATES[0]
     reason: str = ""  # for a failure
     messages: int = 0  # in the file, of those that were published
     frames: int = 0  # in the file, from the buses
-    left_out: int = 0  # for which there was no room in the queue, or which are no frames: a replay may give another map
+    left_out: int = 0  # for which there was no room in the queue, or which are not frames: a replay may give another map
     mib: float = 0.0  # of the file
 
 
@@ -112,4 +112,4 @@ class McapRecorder:
     def _fail(self, error: Exception) -> None:
         self.recording.state, self.recording.reason = "failed", getattr(error, "strerror", None) or str(error)
         self._writer.abandon()
-        log.error("%s: the recording ends here: %s; mapping goes on", self.recording.file, self.recording.reason)
+        log.error("%s: the recording ends here: %s; mapping continues", self.recording.file, self.recording.reason)

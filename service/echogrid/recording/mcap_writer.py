@@ -32,11 +32,11 @@ class McapWriter:
         try:
             from mcap.writer import Writer
         except ImportError as error:
-            raise EchogridError(f"{path}: mcap is not installed, the extra brings it: pip install 'echogrid[mcap]'") from error
+            raise EchogridError(f"{path}: mcap is not installed: pip install 'echogrid[mcap]'") from error
         try:
             self._file = path.open("xb")
         except FileExistsError as error:
-            raise EchogridError(f"{path}: exists already, and a recording replaces nothing: give it another name") from error
+            raise EchogridError(f"{path}: exists already, and a recording never replaces a file: choose another name") from error
         except OSError as error:
             raise EchogridError(f"{path}: cannot be written: {error.strerror}") from error
         self._writer = Writer(self._file, chunk_size=CHUNK_BYTES)
@@ -58,7 +58,7 @@ class McapWriter:
         return self._file.tell()
 
     def put(self, message: Message) -> None:
-        """The very bytes that go out. Nothing for whole windows, which key frames and updates hold as well."""
+        """Exactly the published bytes. Nothing for whole windows, which key frames and updates hold as well."""
         topic = message.topic
         if topic is FULL:
             return
@@ -67,7 +67,7 @@ class McapWriter:
         self._add(self._topics[topic.name], message.stamp_ns, message.payload)
 
     def frame(self, bus: str, message: can.Message) -> None:
-        """A CAN frame of a bus, in the order of mapping. Raises ValueError where a log's message is none."""
+        """A CAN frame of a bus, in the order of mapping. Raises ValueError if a log's message is not a frame."""
         payload = encode_frame(bus, message)
         called = message.channel if isinstance(message.channel, str | int | None) else str(message.channel)
         if (bus, called) not in self._buses:

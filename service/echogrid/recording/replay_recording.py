@@ -26,7 +26,7 @@ class ReplayRecording:
         """Raises EchogridError where the file cannot be made."""
         self.path = path
         self.pipeline = pipeline
-        self.left_out = 0  # messages of the log that are no frames
+        self.left_out = 0  # messages of the log that are not frames
         self._writer = McapWriter(path)
         self._announcer = Announcer(pipeline.config, pipeline.model.why)
         self._snapshots = Snapshots()
@@ -38,7 +38,7 @@ class ReplayRecording:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._writer.close()
         if self.left_out:
-            log.warning("%s: %d messages of the log are no CAN frames and were left out", self.path, self.left_out)
+            log.warning("%s: %d messages of the log are not CAN frames and were left out", self.path, self.left_out)
 
     def add(self, bus: str, message: can.Message, update: MapUpdate | None) -> None:
         """A frame that was mapped, and what came of it."""

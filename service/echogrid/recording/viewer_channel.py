@@ -1,4 +1,4 @@
-"""What a recording or a viewer has to be told of a topic, so that it understands the bytes: MCAP's and Foxglove's channels."""
+"""What a recording or a viewer has to know about a topic to understand its bytes: MCAP's and Foxglove's channels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One map of a store: what has to be known to read its tiles, as it lies in the table `epoch`."""
+"""One map of a store: what is needed to read its tiles, as it is in the table `epoch`."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Epoch:
     description: Description
     tiles: int
     bytes: int  # of its tiles' data
-    newest_ns: int | None  # newest stamp of a tile; None where there is none
+    newest_ns: int | None  # newest stamp of a tile; None if there is none
 
 
 def row_of(description: Description) -> tuple[Any, ...]:

@@ -48,7 +48,7 @@ class StoreError(EchogridError):
 
 
 class ForeignFileError(EchogridError):
-    """A file that is no store, or one of a newer version."""
+    """A file that is not a store, or one of a newer version."""
 
 
 def open_file(path: Path, write: bool) -> sqlite3.Connection:
@@ -69,19 +69,19 @@ def open_file(path: Path, write: bool) -> sqlite3.Connection:
 
 @contextmanager
 def told(path: Path) -> Iterator[None]:
-    """What SQLite raises, as StoreError; what is no database, as ForeignFileError."""
+    """What SQLite raises, as StoreError; a file that is not a database, as ForeignFileError."""
     try:
         yield
     except sqlite3.Error as error:
         code = getattr(error, "sqlite_errorcode", 0) & 0xFF
         if code == sqlite3.SQLITE_NOTADB:
-            raise ForeignFileError(_foreign(path, "it is no SQLite file")) from error
+            raise ForeignFileError(_foreign(path, "it is not an SQLite file")) from error
         state = STATE_OF_ERROR.get(code, "failed")
         if code == sqlite3.SQLITE_CANTOPEN and not os.access(path.absolute().parent, os.W_OK):
             state = "read-only"
         raise StoreError(f"{path}: {error}", state) from error
     except UnicodeDecodeError as error:  # of a name in the schema, or of what SQLite says of it
-        raise StoreError(f"{path}: a text in it is no UTF-8") from error
+        raise StoreError(f"{path}: a text in it is not UTF-8") from error
 
 
 @contextmanager
@@ -107,7 +107,7 @@ def _connect(path: Path, write: bool) -> sqlite3.Connection:
         where += "?mode=ro"
     # Several threads, one after the other: the keeper's, and the one that ends the service.
     connection = sqlite3.connect(where, uri=True, timeout=PATIENCE, isolation_level=None, check_same_thread=False)
-    connection.execute("PRAGMA trusted_schema = OFF")  # nothing that a foreign file brings along is run
+    connection.execute("PRAGMA trusted_schema = OFF")  # nothing in a foreign file is run
     return connection
 
 
@@ -124,7 +124,7 @@ def _create(connection: sqlite3.Connection) -> None:
     """All of it in one transaction, before the file is one with a WAL: a process that is killed here leaves nothing, not half of it."""
     connection.execute("PRAGMA auto_vacuum = INCREMENTAL")
     connection.execute("BEGIN EXCLUSIVE")
-    if connection.execute("SELECT count(*) FROM sqlite_schema").fetchone() == (0,):  # nobody else has made it meanwhile
+    if connection.execute("SELECT count(*) FROM sqlite_schema").fetchone() == (0,):  # no other process has made it meanwhile
         connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
         connection.execute(f"PRAGMA user_version = {VERSION}")
         for table in TABLES.values():
@@ -148,4 +148,4 @@ def _check(connection: sqlite3.Connection, path: Path) -> None:
 
 
 def _foreign(path: Path, why: str) -> str:
-    return f"{path}: is no map of echogrid: {why}; name another file, or move this one away"
+    return f"{path}: is not a map of echogrid: {why}; name another file, or move this one away"

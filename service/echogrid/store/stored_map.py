@@ -36,7 +36,7 @@ class _StoredTiles:
 
 
 def stored_map(store: TileStore, epoch: int) -> TiledMap:
-    """An epoch as a map to be read only: its tiles come from the store when they are asked for. Raises EchogridError."""
+    """An epoch as a read-only map: its tiles are read from the store when they are needed. Raises EchogridError."""
     description = store.description(epoch)
     spec = GridSpec(cell=description.cell)
     occupancy: TiledMap

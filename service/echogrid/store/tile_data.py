@@ -30,5 +30,5 @@ def decode(data: bytes, layers: int) -> Tile:
         parts.append(np.ascontiguousarray(part.T).view(kind).reshape(-1, SIDE, SIDE))
         first += count * width
     if not np.isfinite(parts[0]).all():
-        raise ValueError("a layer holds what is no finite number")
+        raise ValueError("a layer holds a value that is not a finite number")
     return Tile(parts[0], parts[1][0], parts[2][0])

@@ -43,9 +43,9 @@ class StoreStatus:
 class TileKeeper:
     """The shelf of a running map, open from construction to `close` or the end of `with`.
 
-    `lock` guards the map and all that waits. Whoever changes the map holds it, so that `load`, `store`, `keys` and `clear` are called with
+    `lock` guards the map and all waiting tiles. Who changes the map holds it, so `load`, `store`, `keys` and `clear` are called with
     the lock held; `run` and `flush`, in one thread at a time, and `snapshot`, in any, take it for one tile's copy at a time. A disk that
-    cannot be written is a state: the map goes on in memory, and each flush tries again with the file opened anew.
+    cannot be written is a state: the map continues in memory, and each flush reopens the file and retries.
     """
 
     def __init__(self, path: Path, settings: config.Store, occupancy: TiledMap, description: Description, lock: threading.Lock) -> None:
@@ -75,7 +75,7 @@ class TileKeeper:
         self.close()
 
     def close(self) -> None:
-        """Writes what is left; nobody else uses it any more."""
+        """Writes what is left; nothing uses it afterwards."""
         self.flush()
         self._close_readers()
         self._close_writer()  # last, so that it leaves one file, with nothing beside it
@@ -87,7 +87,7 @@ class TileKeeper:
                 self.flush()
 
     def due(self) -> bool:
-        """Whether it is time to `flush`: after `flush_s`, or when half the room to wait would be taken if the map began anew now."""
+        """Whether it is time to `flush`: after `flush_s`, or when half the waiting room would be taken if a new map started now."""
         waiting = len(self._waiting) + len(self.map.dirty)
         return time.monotonic() >= self._due_at or (self.status.state == "ok" and waiting > MOST_WAITING / 2)
 
@@ -111,9 +111,11 @@ class TileKeeper:
         except (StoreError, ForeignFileError) as error:
             self.status.failed += 1
             self._close_writer()
-            self._tell(error.state if isinstance(error, StoreError) else "failed", f"{error}; mapping goes on in memory")
+            self._tell(error.state if isinstance(error, StoreError) else "failed", f"{error}; mapping continues in memory")
         else:
-            most = f"{self.path}: the running map alone needs more than store.max_mib, {self.max_bytes >> 20} MiB: its oldest tiles go"
+            most = (
+                f"{self.path}: the running map alone needs more than store.max_mib, {self.max_bytes >> 20} MiB: its oldest tiles are lost"
+            )
             self._tell("full" if crowded else "ok", most if crowded else "")
 
     def load(self, key: TileKey) -> Tile | None:
@@ -168,7 +170,7 @@ class TileKeeper:
         return 1
 
     def _opened(self) -> TileStore:
-        """The file to write into. One that was moved away, removed or replaced since is begun anew, with all tiles that are in memory."""
+        """The file to write into. One that was moved away, removed or replaced is created again, with all tiles in memory."""
         if self._writer is not None and self._writer[1] != _inode(self.path):
             self._close_writer()
         if self._writer is None:
@@ -207,7 +209,7 @@ class TileKeeper:
             waiting, running, stamp_ns = dict(self._waiting), self.epoch, self.map.stamp_ns
         known = store.numbers()
         for epoch in sorted({running, *(epoch for epoch, _ in waiting)}):
-            if not (epoch in known and epoch in self._begun):  # it refuses one that another process has begun
+            if not (epoch in known and epoch in self._begun):  # it refuses one that another process has started
                 store.begin(replace(self._description, begun_ns=self._begun_ns[epoch]), epoch)
                 self._begun.add(epoch)
             tiles = {key: tile for (of, key), tile in waiting.items() if of == epoch}
@@ -227,7 +229,7 @@ class TileKeeper:
             self._begun &= self._begun_ns.keys()
 
     def _make_room(self, store: TileStore) -> bool:
-        """Older epochs go first, whole; then the oldest tiles of the newest one, and whether any did."""
+        """Removes older epochs first, whole; then the oldest tiles of the newest one. Returns whether any of those were removed."""
         crowded = False
         while store.used() > self.max_bytes:
             first, *later = store.numbers()
@@ -280,7 +282,7 @@ class TileKeeper:
 
 
 def _inode(path: Path) -> int:
-    """0 where there is no file."""
+    """0 if there is no file."""
     try:
         return path.stat().st_ino
     except OSError:

@@ -16,18 +16,18 @@ from echogrid.store.epoch import LAYERS, Description, Epoch, description_of, row
 from echogrid.store.store_file import StoreError, open_file, told, transaction
 from echogrid.store.tile_data import decode, encode
 
-OLDEST = 64  # tiles that go at once where there is no room
+OLDEST = 64  # tiles that are removed at once if there is no room
 
 
 class TileStore:
     """One connection to a file, open from construction to `close` or the end of `with`; one thread at a time uses it.
 
-    Read only, the file must be there. To write it is made where it is not; others may read it meanwhile, each with a connection of its own.
-    Every method raises StoreError, naming the file, where the disk or the file lets it down.
+    To be read, the file must exist. To be written, it is created if needed; others may read it meanwhile, each with its own connection.
+    Every method raises StoreError, naming the file, if the disk or the file fails.
     """
 
     def __init__(self, path: Path, *, write: bool = False) -> None:
-        """Raises ForeignFileError where the file is no store of tiles, or one that only a newer version reads; it is left as it is."""
+        """Raises ForeignFileError if the file is not a store of tiles, or one that only a newer version reads; it is left as it is."""
         self.path = path
         self._connection = open_file(path, write)
 
@@ -53,7 +53,7 @@ class TileStore:
         return tuple(Epoch(row[0], description_of(row, self.path), row[8] or 0, row[9] or 0, row[10]) for row in rows)
 
     def description(self, epoch: int) -> Description:
-        """Raises EchogridError where there is no such epoch."""
+        """Raises EchogridError if there is no such epoch."""
         with told(self.path):
             row = self._connection.execute(
                 "SELECT id, begun_ns, vehicle, cell, kind, clamp, calibration, radars FROM epoch WHERE id = ?", (epoch,)
@@ -75,11 +75,11 @@ class TileStore:
         return int(newest) + 1
 
     def begin(self, description: Description, epoch: int | None = None) -> int:
-        """A new epoch's number: `next_epoch()`, or a given one above all others. Epochs before it that hold no tile go."""
+        """A new epoch's number: `next_epoch()`, or a given one above all others. Epochs before it without tiles are removed."""
         with told(self.path), transaction(self._connection):
             number = self.next_epoch()
             if epoch is not None and epoch < number:
-                raise StoreError(f"{self.path}: epoch {epoch} is to begin, but {number - 1} has begun: another process writes this file")
+                raise StoreError(f"{self.path}: epoch {epoch} should start, but {number - 1} has started: another process writes this file")
             number = number if epoch is None else epoch
             self._connection.execute("INSERT INTO epoch VALUES (?, ?, ?, ?, ?, ?, ?, ?)", (number, *row_of(description)))
             self._connection.execute("DELETE FROM epoch WHERE id < ? AND id NOT IN (SELECT epoch FROM tile)", (number,))
@@ -91,7 +91,7 @@ class TileStore:
             return self._connection.execute("SELECT row, col FROM tile WHERE epoch = ? ORDER BY row, col", (epoch,)).fetchall()
 
     def read(self, epoch: int, tile: TileKey) -> Tile | None:
-        """None where there is none. Raises StoreError where its data is damaged."""
+        """None if there is none. Raises StoreError if its data is damaged."""
         with told(self.path):
             row = self._connection.execute(
                 "SELECT data, kind FROM tile JOIN epoch ON epoch = id WHERE epoch = ? AND row = ? AND col = ?", (epoch, *tile)
@@ -104,7 +104,7 @@ class TileStore:
             raise StoreError(f"{self.path}: tile {tile} of epoch {epoch} is damaged: {error}") from error
 
     def stamp_ns(self, epoch: int, tile: TileKey) -> int | None:
-        """Of the newest update that was in the map when the tile was written, Unix time. None where there is none."""
+        """Of the newest update that was in the map when the tile was written, Unix time. None if there is none."""
         with told(self.path):
             row = self._connection.execute("SELECT stamp_ns FROM tile WHERE epoch = ? AND row = ? AND col = ?", (epoch, *tile)).fetchone()
         return None if row is None else int(row[0])

@@ -1,4 +1,4 @@
-"""A CAN frame as it lies in a recording: echogrid_msgs/msg/CanFrame in CDR, with all that python-can's Message holds but its channel."""
+"""A CAN frame as stored in a recording: echogrid_msgs/msg/CanFrame in CDR, with all that python-can's Message holds except its channel."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ _FRAME = struct.Struct("<dI7?BI")  # timestamp, id, flags, len, length of data
 
 
 def stamp_ns(message: can.Message) -> int:
-    """The frame's time in whole nanoseconds since 1970; exact arithmetic, for the product of a float loses them."""
+    """The frame's time in whole nanoseconds since 1970; exact arithmetic, because the product of a float loses them."""
     over, under = float(message.timestamp).as_integer_ratio()
     return (2 * over * SECOND + under) // (2 * under)
 
 
 def encode_frame(bus: str, message: can.Message) -> bytes:
-    """Raises ValueError for a message that is no CAN frame; a log may hold such."""
+    """Raises ValueError for a message that is not a CAN frame; a log may hold such."""
     seconds, nanoseconds = divmod(stamp_ns(message), SECOND)
     name, count = bus.encode() + b"\0", len(message.data)
     try:
         head = _STAMP.pack(LITTLE_ENDIAN, seconds, nanoseconds, len(name)) + name
         frame = _FRAME.pack(message.timestamp, message.arbitration_id, *_flags(message), message.dlc, count)
     except struct.error as error:
-        raise ValueError(f"no CAN frame: {error}") from error
+        raise ValueError(f"not a CAN frame: {error}") from error
     if count > MOST_DATA:
-        raise ValueError(f"no CAN frame: it has {count} bytes of data, expected at most {MOST_DATA}")
+        raise ValueError(f"not a CAN frame: it has {count} bytes of data, expected at most {MOST_DATA}")
     return b"".join((head, bytes(-(len(head) - len(LITTLE_ENDIAN)) % 8), frame, message.data))
 
 

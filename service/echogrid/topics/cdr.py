@@ -82,7 +82,7 @@ def read_text(body: memoryview, at: int) -> tuple[str, int]:
     try:
         return data[:-1].decode(), stop
     except UnicodeDecodeError as error:
-        raise ValueError(f"a name is no UTF-8 from its byte {error.start} on") from error
+        raise ValueError(f"a name is not UTF-8 from its byte {error.start} on") from error
 
 
 def read_texts(body: memoryview, at: int, count: int) -> tuple[list[str], int]:

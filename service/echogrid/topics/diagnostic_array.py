@@ -13,7 +13,7 @@ _LEVEL = struct.Struct("<B")
 
 
 class Level(IntEnum):
-    """How a part fares, as diagnostic_msgs/DiagnosticStatus numbers it."""
+    """How a part is doing, as diagnostic_msgs/DiagnosticStatus numbers it."""
 
     OK = 0
     WARN = 1
@@ -34,7 +34,7 @@ class DiagnosticStatus:
 
 @dataclass(frozen=True, slots=True)
 class DiagnosticArray:
-    """diagnostic_msgs/DiagnosticArray: how all parts fare at one time."""
+    """diagnostic_msgs/DiagnosticArray: how all parts are doing at one time."""
 
     stamp_ns: int
     frame: str
@@ -69,5 +69,5 @@ def decode_diagnostics(payload: bytes) -> DiagnosticArray:
         values = dict(zip(texts[::2], texts[1::2], strict=True))
         status.append(DiagnosticStatus(Level(level), name, message, hardware_id, values))
     if at != len(body):
-        raise ValueError(f"{len(body) - at} bytes are left over behind the diagnostics")
+        raise ValueError(f"{len(body) - at} bytes are left over after the diagnostics")
     return DiagnosticArray(stamp_ns, frame, tuple(status))

@@ -8,8 +8,8 @@ from typing import Any
 from echogrid.topics.diagnostic_array import DiagnosticArray, DiagnosticStatus, Level
 
 LEVELS = {"ok": Level.OK, "degraded": Level.WARN, "no_motion": Level.ERROR, "stale": Level.STALE, "stopped": Level.ERROR}
-PROGRAM = "echogrid"  # diagnostic_aggregator groups by what stands before the colon
-FILES = ("store", "recording")  # that the service writes, each where it was asked to
+PROGRAM = "echogrid"  # diagnostic_aggregator groups by the text before the colon
+FILES = ("store", "recording")  # that the service writes, each if configured
 MOTION = ("wheel speed", "yaw rate")
 
 

@@ -60,11 +60,11 @@ def decode_grid(payload: bytes) -> Grid:
     x, y, *rest, count = read(_ORIGIN, body, at)
     at += _ORIGIN.size
     if count != len(body) - at or count != width * height:
-        raise ValueError(f"a grid of {height} x {width} cells says it has {count} and brings {len(body) - at}")
+        raise ValueError(f"a grid of {height} x {width} cells declares {count} and holds {len(body) - at}")
     if not (math.isfinite(cell) and cell > 0 and math.isfinite(x) and math.isfinite(y)):
         raise ValueError(f"a grid with cells of {cell} m at ({x}, {y}) is nowhere")
     if rest != [0.0, 0.0, 0.0, 0.0, 1.0]:
-        raise ValueError("the grid is lifted or turned, expected it in its frame's plane and parallel to its axes")
+        raise ValueError("the grid is raised or rotated, expected it in its frame's plane and parallel to its axes")
     return Grid(stamp_ns, frame, cell, (x, y), _cells(body[at:], height, width))
 
 
@@ -82,7 +82,7 @@ def decode_update(payload: bytes) -> GridUpdate:
     x, y, width, height, count = read(_PATCH, body, at)
     at += _PATCH.size
     if count != len(body) - at or count != width * height:
-        raise ValueError(f"an update of {height} x {width} cells says it has {count} and brings {len(body) - at}")
+        raise ValueError(f"an update of {height} x {width} cells declares {count} and holds {len(body) - at}")
     if x < 0 or y < 0:
         raise ValueError(f"an update of the cells from row {y} and column {x} on lies outside its grid")
     return GridUpdate(stamp_ns, frame, x, y, _cells(body[at:], height, width))

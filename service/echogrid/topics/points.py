@@ -26,7 +26,7 @@ class Points:
 
 
 def encode_points(points: Points) -> bytes:
-    """The points as sensor_msgs/msg/PointCloud2: float32 x, y, z, one behind the other, all finite."""
+    """The points as sensor_msgs/msg/PointCloud2: float32 x, y, z, one after the other, all finite."""
     count = len(points.points)
     body = encode_header(points.stamp_ns, points.frame) + _SHAPE.pack(1, count, 3)
     for number, name in enumerate("xyz"):
@@ -51,10 +51,10 @@ def decode_points(payload: bytes) -> Points:
     at += _STEPS.size
     expected = [(name, 4 * number, _FLOAT32, 1) for number, name in enumerate("xyz")]
     if (height, layout, big_endian, point_step) != (1, expected, 0, 12):
-        raise ValueError("the points are not laid out as float32 x, y, z, one behind the other")
+        raise ValueError("the points are not laid out as float32 x, y, z, one after the other")
     if size != row_step or size != 12 * width or len(body) != at + size + 1 or body[-1] != 1:
-        raise ValueError(f"{width} points say they have {size} bytes and bring {len(body) - at - 1}")
+        raise ValueError(f"{width} points declare {size} bytes and hold {len(body) - at - 1}")
     points = np.frombuffer(body[at:-1], dtype="<f4").reshape(-1, 3)
     if not np.isfinite(points).all():
-        raise ValueError("the points hold something that is no number")
+        raise ValueError("the points hold something that is not a number")
     return Points(stamp_ns, frame, points)

@@ -24,7 +24,7 @@ def _unknown() -> Covariance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Odometry:
-    """nav_msgs/Odometry of a car on a plane. Covariances are ROS's: x, y, z, roll, pitch, yaw; all zero where nobody estimated them."""
+    """nav_msgs/Odometry of a car on a plane. Covariances are ROS's: x, y, z, roll, pitch, yaw; all zero if they are not estimated."""
 
     stamp_ns: int
     frame: str
@@ -67,9 +67,9 @@ def decode_odometry(payload: bytes) -> Odometry:
     at = aligned(at, 8)
     numbers = np.array(read(_MOTION, body, at))
     if len(body) != at + _MOTION.size:
-        raise ValueError(f"{len(body) - at - _MOTION.size} bytes are left over behind the odometry")
+        raise ValueError(f"{len(body) - at - _MOTION.size} bytes are left over after the odometry")
     if not np.isfinite(numbers).all():
-        raise ValueError("the odometry holds something that is no number")
+        raise ValueError("the odometry holds something that is not a number")
     x, y, _, *turn = numbers[:7].tolist()
     pose = _pose_of(x, y, *turn)
     pose_covariance, twist_covariance = numbers[7:43].reshape(6, 6), numbers[49:].reshape(6, 6)
@@ -102,7 +102,7 @@ def decode_transforms(payload: bytes) -> tuple[Transform, ...]:
             raise ValueError("the transform leaves the plane")
         transforms.append(Transform(stamp_ns, frame, child_frame, _pose_of(*place[:2], *place[3:])))
     if at != len(body):
-        raise ValueError(f"{len(body) - at} bytes are left over behind the transforms")
+        raise ValueError(f"{len(body) - at} bytes are left over after the transforms")
     return tuple(transforms)
 
 
@@ -111,5 +111,5 @@ def _pose_of(x: float, y: float, roll: float, pitch: float, z: float, w: float) 
     if not (math.isfinite(x) and math.isfinite(y)):
         raise ValueError(f"a pose at ({x}, {y}) is nowhere")
     if roll != 0 or pitch != 0 or not abs(math.hypot(z, w) - 1) <= 1e-6:
-        raise ValueError("the orientation is no turn about the z axis")
+        raise ValueError("the orientation is not a rotation about the z axis")
     return SE2(x, y, math.atan2(2 * w * z, w * w - z * z))

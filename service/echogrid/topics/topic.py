@@ -15,13 +15,13 @@ class Topic:
     name: str  # behind echogrid/v1/{vehicle}/
     type: str | None  # of ROS, in CDR; None: a JSON object
     ros: str | None = None  # its name under ROS
-    kept: bool = False  # the last message reaches whoever comes later; ROS: transient local
+    kept: bool = False  # the last message reaches late subscribers; ROS: transient local
     depth: int = 1  # of ROS's history: keep last
     rank: int = 0  # what has a smaller one goes first, and nothing is held up by what has a larger one; from 1 on it is a grid
     packed: bool = False  # zstd of it
 
     def ros_name(self, namespace: str) -> str | None:
-        """Its name where `namespace` stands for NAMESPACE; "/" is none. Topics that ROS knows by one name, as /tf, keep it."""
+        """Its name with `namespace` in place of NAMESPACE; "/" is none. Topics that ROS knows by one name, as /tf, keep it."""
         if self.ros is None or not self.ros.startswith(f"{NAMESPACE}/"):
             return self.ros
         return namespace.rstrip("/") + self.ros.removeprefix(NAMESPACE)
@@ -36,8 +36,8 @@ DETECTIONS = Topic("detections", "sensor_msgs/msg/PointCloud2", "/echogrid/detec
 STATUS = Topic("status", None)
 DIAGNOSTICS = Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", depth=10)
 META = Topic("meta", None, kept=True)
-FLEET = Topic("grid/fused/fleet", "nav_msgs/msg/OccupancyGrid", rank=3, packed=True)  # made of FULL, where somebody listens
-ALIVE, REGION, TILE = "alive/fusion", "grid/fused/region", "grid/fused/tile"  # a liveliness token, and what is asked for
+FLEET = Topic("grid/fused/fleet", "nav_msgs/msg/OccupancyGrid", rank=3, packed=True)  # made from FULL while there are subscribers
+ALIVE, REGION, TILE = "alive/fusion", "grid/fused/region", "grid/fused/tile"  # a liveliness token, and the queries
 TOPICS = (FULL, KEY, UPDATE, ODOMETRY, TRANSFORM, DETECTIONS, STATUS, DIAGNOSTICS, META)
 
 
@@ -47,7 +47,7 @@ class Message:
 
     topic: Topic
     payload: bytes  # CDR or JSON, as the topic's type says
-    stamp_ns: int  # when what it tells of was measured, Unix time
+    stamp_ns: int  # when its content was measured, Unix time
     epoch: int  # of the map
     keyframe: int  # KEY: its number, from 1. UPDATE: that of the key frame for which it was made. Else 0
 
@@ -56,4 +56,4 @@ class Sink(Protocol):
     """Where messages go. One thread puts."""
 
     def put(self, message: Message) -> None:
-        """Takes a message without waiting for whoever reads it. Raises EchogridError where it can take no more of them."""
+        """Takes a message without waiting for its readers. Raises EchogridError if it can take no more of them."""

@@ -1,1 +1,1 @@
-"""How the service fares: status, metrics, journal, systemd."""
+"""How the service is doing: status, metrics, journal, systemd."""

@@ -20,7 +20,7 @@ def configure(level: str) -> None:
     handler.setFormatter(JournalFormatter() if to_journal() else logging.Formatter("%(levelname)s %(name)s: %(message)s"))
     handler.addFilter(RepeatFilter())
     logging.basicConfig(level=level.upper(), handlers=[handler])
-    logging.getLogger("can").setLevel(max(logging.WARNING, logging.getLevelName(level.upper())))  # tells of every socket it makes
+    logging.getLogger("can").setLevel(max(logging.WARNING, logging.getLevelName(level.upper())))  # logs every socket it makes
 
 
 def to_journal() -> bool:
@@ -75,7 +75,7 @@ class RepeatFilter(logging.Filter):
         if kind is not None and kind.hidden:
             record.msg = f"{record.msg} (repeated {kind.hidden} times)"
         self._kinds.pop(key, None)
-        self._kinds[key] = _Kind(now)  # behind all others: the first is the one that was shown longest ago
+        self._kinds[key] = _Kind(now)  # after all others: the first is the one that was shown longest ago
         if len(self._kinds) > KINDS:
             del self._kinds[next(iter(self._kinds))]
         return True

@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 class Metrics:
     """Serves and writes what [metrics] asks for, from construction to the end of `with`. One thread calls `update`.
 
-    Raises EchogridError naming the key where the address or the file cannot be had, or where prometheus-client is not installed.
+    Raises EchogridError naming the key if the address or the file cannot be used, or if prometheus-client is not installed.
     """
 
     def __init__(self, settings: config.Metrics, vehicle: str) -> None:
@@ -34,9 +34,7 @@ class Metrics:
         try:
             from echogrid.watching.openmetrics import Exposition
         except ImportError as error:
-            raise EchogridError(
-                "metrics: prometheus-client is not installed, the extra brings it: pip install 'echogrid[metrics]'"
-            ) from error
+            raise EchogridError("metrics: prometheus-client is not installed: pip install 'echogrid[metrics]'") from error
         self._exposition = Exposition(vehicle)
         if settings.file is not None:
             try:

@@ -60,8 +60,8 @@ def families(status: Mapping[str, Any], vehicle: str, taken_at: float) -> Iterat
     yield info
     yield _gauge("status_timestamp", "seconds", "When the status was taken, Unix time.", vehicle, taken_at)
     yield _gauge("map_rate", "hertz", "Map updates per second.", vehicle, status["rates"]["map_hz"])
-    yield _gauge("frame_rate", "hertz", "CAN frames taken in per second.", vehicle, status["rates"]["frames_hz"])
-    yield _gauge("resident_memory", "bytes", "Memory of the service that is in RAM.", vehicle, status["rss_mib"] * 2**20)
+    yield _gauge("frame_rate", "hertz", "CAN frames received per second.", vehicle, status["rates"]["frames_hz"])
+    yield _gauge("resident_memory", "bytes", "Memory of the service in RAM.", vehicle, status["rss_mib"] * 2**20)
     for name, states in FILES.items():
         file = status[name]
         if file is not None:
@@ -80,7 +80,7 @@ def families(status: Mapping[str, Any], vehicle: str, taken_at: float) -> Iterat
     buses: Tables = {(vehicle, name): bus for name, bus in status["buses"].items()}
     yield from _counters("echogrid_radar", ["vehicle", "radar"], radars)
     yield from _counters("echogrid_bus", ["vehicle", "bus"], buses)
-    up = GaugeMetricFamily("echogrid_bus_up", "1 where the bus is open and had no fault since its last frame.", labels=["vehicle", "bus"])
+    up = GaugeMetricFamily("echogrid_bus_up", "1 if the bus is open and had no fault since its last frame.", labels=["vehicle", "bus"])
     for labels, bus in buses.items():
         up.add_metric(labels, bus["up"])
     yield up

@@ -40,12 +40,12 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def lines(document: Mapping[str, Any], vehicle: str) -> list[Line]:
-    """A status for people. Raises EchogridError where it is none."""
+    """A status for people. Raises EchogridError if it is not a status."""
     counters = {key: value for key, value in document.items() if type(value) is int and key != "epoch"}
     try:
         status = msgspec.convert({**document, "counters": counters}, Status)
     except msgspec.ValidationError as error:
-        raise EchogridError(f"vehicle '{vehicle}': the status is none that this version of echogrid reads: {error}") from error
+        raise EchogridError(f"vehicle '{vehicle}': this version of echogrid cannot read the status: {error}") from error
     style = STYLES.get(status.state, "bold red")
     rates, latency = status.rates, status.latency_ms
     result: list[Line] = [
@@ -76,7 +76,7 @@ def silence(vehicle: str, seconds: float) -> list[Line]:
 
 
 def _file(label: str, file: File | None) -> Iterator[Line]:
-    """Nothing where there is none; yellow where it is not written."""
+    """Nothing if there is none; yellow if it is not written."""
     if file is not None:
         style = "" if file.state in ("ok", "recording", "closed") else "yellow"
         yield [(f"{label:10}", "dim"), (f"{file.state}, {_number(file.mib)} MiB" + (f": {file.reason}" if file.reason else ""), style)]

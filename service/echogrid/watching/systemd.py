@@ -1,4 +1,4 @@
-"""What systemd is told, by its protocol sd_notify(3): one datagram to the socket that NOTIFY_SOCKET names. Nothing where there is none."""
+"""What systemd is told, by its protocol sd_notify(3): one datagram to the socket that NOTIFY_SOCKET names. Nothing without one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import suppress
 
 
 class Notifier:
-    """Tells the service manager how the service fares. `active` is False where nobody listens."""
+    """Tells the service manager how the service is doing. `active` is False if there is none."""
 
     def __init__(self) -> None:
         address = os.environ.get("NOTIFY_SOCKET", "")

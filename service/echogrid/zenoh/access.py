@@ -10,8 +10,8 @@ GIVEN = ("put", "delete", "reply", "declare_queryable", "liveliness_token")
 
 
 def access_control(asked: Sequence[str], given: Sequence[str], viewers: Sequence[str] | None) -> dict[str, object]:
-    """Zenoh's access_control: the key expressions `given` may be read, and nothing written, by whoever shows a certificate with one of the
-    common names `viewers`; where that is None, by everyone who can connect. Whatever is within `asked` may be asked for."""
+    """Zenoh's access_control: the key expressions `given` may be read, and nothing written, with a certificate that has one of the
+    common names `viewers`; if that is None, by everyone who can connect. Keys within `asked` may be queried."""
     flows = {"ingress": (ASKED, asked), "egress": (GIVEN, given)}
     subject = {"id": "viewers"} | ({} if viewers is None else {"cert_common_names": list(viewers)})
     return {

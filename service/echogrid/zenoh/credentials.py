@@ -37,7 +37,7 @@ class Credentials:
         except ssl.SSLCertVerificationError as error:
             raise EchogridError(f"{self.certificate}: is not accepted by {self.ca}: {error.verify_message}") from error
         except ssl.SSLError as error:
-            raise EchogridError(f"{self.certificate}: is of no use for TLS: {error.reason}") from error
+            raise EchogridError(f"{self.certificate}: cannot be used for TLS: {error.reason}") from error
 
     def zenoh(self) -> dict[str, object]:
         """Zenoh's transport/link/tls: both ends show a certificate, in either direction."""
@@ -63,7 +63,7 @@ class Credentials:
         try:
             context.load_cert_chain(self.certificate, self.key, password="")  # without a word it would ask the terminal for one
         except (ssl.SSLError, ValueError) as error:
-            raise EchogridError(f"{self.key}: is no unencrypted PEM key of the certificate {self.certificate}") from error
+            raise EchogridError(f"{self.key}: is not an unencrypted PEM key of the certificate {self.certificate}") from error
         return context
 
 

@@ -16,7 +16,7 @@ LEVEL = 1  # zstd's: more costs several times as much and saves little
 
 
 class Fleet:
-    """Remembers when the last one was made of the whole windows, by the traffic's own time."""
+    """Remembers when the last one was made from a whole window, by the traffic's own time."""
 
     def __init__(self, rate_hz: float) -> None:
         """`rate_hz` 0: none is ever due."""
@@ -52,4 +52,4 @@ def decompress(payload: bytes) -> bytes:
             raise ValueError(f"the zstd frame says that it holds {size} bytes, expected at most {LARGEST}")
         return zstandard.ZstdDecompressor().decompress(payload, allow_extra_data=False)
     except zstandard.ZstdError as error:
-        raise ValueError(f"no zstd frame: {error}") from error
+        raise ValueError(f"not a zstd frame: {error}") from error

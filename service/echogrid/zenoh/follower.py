@@ -9,10 +9,10 @@ from echogrid.topics.grids import Grid, GridUpdate
 
 
 class MapName(NamedTuple):
-    """Which map it is: windows of one map lie on one raster and fit together."""
+    """Which map it is: windows of one map share a raster and fit together."""
 
     source: bytes  # 16, of the run of the service
-    epoch: int  # the map's number, which counts on when the way of the car was lost
+    epoch: int  # the map's number, which goes up when the car's position was lost
 
 
 class KeyName(NamedTuple):
@@ -37,7 +37,7 @@ class Follower:
         self._update: tuple[KeyName, GridUpdate] | None = None
 
     def key(self, name: KeyName, grid: Grid) -> None:
-        """Takes a key frame, unless it is older than the one that is held. Another source is a service that was started anew."""
+        """Takes a key frame, unless it is older than the one that is held. Another source is a service that was restarted."""
         if self._key is not None and _is_older(name, self._key[0]):
             return
         self._key = (name, grid)
@@ -50,7 +50,7 @@ class Follower:
             self._update = (name, update)
 
     def window(self) -> Window | None:
-        """What is known, of the stamp that it bears; None where the newest is not, as its key frame is missing. Raises ValueError
+        """The newest known window, with its stamp; None if the newest update's key frame is missing. Raises ValueError
         for an update that reaches beyond its key frame, once."""
         if self._key is None:
             return None

@@ -20,7 +20,7 @@ from echogrid.store.tile_store import TileStore
 from echogrid.zenoh.region import Part
 
 log = logging.getLogger("echogrid")
-Load = Callable[[TileKey], Tile | None]  # a copy of a tile; None where there is none
+Load = Callable[[TileKey], Tile | None]  # a copy of a tile; None if there is none
 
 
 class MapReader:
@@ -33,10 +33,10 @@ class MapReader:
         self.keeper = keeper
 
     def part(self, where: Rectangle, epoch: int | None) -> Part:
-        """Of the map that is being made (None), or of one by its number. Raises EchogridError where there is none of that number."""
+        """Of the running map (None), or of one by its number. Raises EchogridError if there is none with that number."""
         while epoch in (None, now := self.mapper.epoch):
             part = _read(where, now, self._load, self.mapper.map)
-            if self.mapper.epoch == now:  # else a new map has begun meanwhile, and the part is of both
+            if self.mapper.epoch == now:  # else a new map has started meanwhile, and the part is from both
                 return part
         try:
             return self._stored(where, int(epoch or 0), now)

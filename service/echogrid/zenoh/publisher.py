@@ -32,17 +32,17 @@ def key(vehicle: str, name: str) -> str:
 
 
 class Publisher:
-    """A sink that sends each message under its native key and, where ROS knows the topic, under rmw_zenoh's: a Zenoh session, open from
+    """A sink that sends each message under its native key and, if ROS knows the topic, under rmw_zenoh's: a Zenoh session, open from
     construction to `close` or the end of `with`; one thread puts.
 
-    Raises EchogridError naming the key in [publish], the endpoint or file and what to do where Zenoh would not take one. No call waits for
-    a subscriber: one that is too slow misses messages. Others may read the vehicle's keys over this session, and write nothing.
+    Raises EchogridError naming the key in [publish], the endpoint or file and what to do if Zenoh would not accept it. No call waits for
+    a subscriber: one that is too slow misses messages. Others may read the vehicle's keys over this session, but write nothing.
     """
 
     def __init__(self, settings: config.Publish, vehicle: str, ros: config.Ros) -> None:
         self.vehicle = vehicle
         credentials = _credentials(settings)
-        # Who watches several vehicles asks for them all at once, and is given what is this one's.
+        # A client of several vehicles queries them all at once, and gets this one's answer.
         asked, given = ([*(key(of, names) for names in VIEWED), *viewed(ros)] for of in ("*", vehicle))
         access = access_control(asked, given, None if settings.tls is None else settings.tls.viewers)
         self._open = ExitStack()
@@ -70,7 +70,7 @@ class Publisher:
         self._open.close()
 
     def put(self, message: Message) -> None:
-        """To whoever listens."""
+        """To all subscribers."""
         self._streams[message.topic].put(message)
         self._ros.put(message)
         if message.topic is FULL and self._fleet.due(message.stamp_ns) and self._streams[FLEET].heard():
@@ -85,16 +85,16 @@ def session_config(
     credentials: Credentials | None = None,
     access: Mapping[str, object] | None = None,
 ) -> zenoh.Config:
-    """Zenoh's configuration for exactly these endpoints, retried for ever, and nothing found by itself.
+    """Zenoh's configuration for exactly these endpoints, retried forever, and no discovery.
 
-    Raises zenoh.ZError where an endpoint is not of the form that Zenoh reads. `sends`: it is the service's, which also keeps shared memory
+    Raises zenoh.ZError if an endpoint is not of the form that Zenoh reads. `sends`: it is the service's, which also keeps shared memory
     ready for large messages.
     `credentials` for tls/ endpoints; `access`: Zenoh's access_control.
     """
     pool = {"enabled": sends, "pool_size": 32 << 20, "message_size_threshold": 16 << 10}
     settings: dict[str, object] = {
-        # A client's open() fails, or waits for ever, while nobody is there; others' returns and goes on trying. A router hands nothing on
-        # from one peer to another, who are to find each other by themselves; so of two that meet at one, the service is no peer.
+        # A client's open() fails, or waits forever, without a router; others' returns and keeps trying. A router passes nothing
+        # from one peer to another, since peers should find each other by themselves; so the service is not a peer.
         "mode": "router" if sends else "peer",
         "listen": {"endpoints": listen, "exit_on_failure": True},
         "connect": {
@@ -108,7 +108,7 @@ def session_config(
         "adminspace": {"enabled": False},
         "timestamping": {"enabled": True},  # without, an AdvancedPublisher may have no cache
         "transport/unicast/max_sessions": 32,
-        "transport/link/tx/queue/congestion_control/block/wait_before_close": 2_000_000,  # us: so long a frozen asker holds up the next
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": 2_000_000,  # us: a frozen client delays the next so much
         "transport/shared_memory": {"enabled": True, "mode": "init", "transport_optimization": pool},
     }
     if credentials is not None:

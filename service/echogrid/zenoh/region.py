@@ -1,4 +1,4 @@
-"""Any part of the map for whoever asks: Zenoh queries, answered one after the other beside the mapping."""
+"""Any part of the map by Zenoh query, answered one after the other beside the mapping."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from echogrid.zenoh.stream import encoding
 
 log = logging.getLogger("echogrid")
 MOST_CELLS = 1 << 22  # of one answer: 2048 x 2048 cells, so 4 MiB
-MOST_WAITING = 16  # queries; further ones are told to come again
+MOST_WAITING = 16  # queries; further ones are refused
 FARTHEST = 1e6  # m, or tiles, from odom's origin
 PARAMETERS = {"bbox", "fmt", "epoch"}
 WAIT = 0.1  # s: so often it is looked whether it is to end
@@ -38,7 +38,7 @@ class Part:
     """Of a map that is or was."""
 
     epoch: int
-    stamp_ns: int  # when the newest of its cells was last in view, in whole seconds of Unix time; 0 where none ever was
+    stamp_ns: int  # when the newest of its cells was last in view, in whole seconds of Unix time; 0 if none ever was
     log_odds: LogOdds  # (H, W)
 
 
@@ -46,7 +46,7 @@ class Reader(Protocol):
     """What knows the maps, those on disk too."""
 
     def part(self, where: Rectangle, epoch: int | None) -> Part:
-        """Any thread may read. `epoch`: None is the map that is being made. Raises EchogridError where there is none of that number."""
+        """Any thread may read. `epoch`: None is the running map. Raises EchogridError if there is none with that number."""
 
 
 class Regions:
@@ -64,13 +64,13 @@ class Regions:
         self._queryables = [publisher.session.declare_queryable(name, take, complete=True) for name in keys]
 
     def run(self, stop: threading.Event) -> None:
-        """Answers until `stop`. A query that cannot be answered is told why, and the next is taken."""
+        """Answers until `stop`. A query that cannot be answered gets the reason as its reply."""
         while not stop.is_set():
             try:
                 query = self.waiting.get(timeout=WAIT)
             except queue.Empty:
                 continue
-            with query:  # the asker waits for more until it is let go
+            with query:  # the client waits for more until the query is dropped
                 try:
                     self._answer(query)
                 except EchogridError as error:
@@ -105,7 +105,7 @@ class Regions:
 
 
 def region_cells(parameters: Mapping[str, str], cell: float) -> Rectangle:
-    """The cells that a box in odom touches. Raises EchogridError where it is none or too large."""
+    """The cells that a box in odom touches. Raises EchogridError if it is not a box, or too large."""
     box = parameters.get("bbox")
     expected = "expected x0,y0,x1,y1 in m with x0 < x1 and y0 < y1"
     if box is None:
@@ -124,15 +124,15 @@ def region_cells(parameters: Mapping[str, str], cell: float) -> Rectangle:
 
 
 def tile_cells(name: str, parameters: Mapping[str, str]) -> Rectangle:
-    """The cells of the tile of that name, row/column. Raises EchogridError where it is none's."""
+    """The cells of the tile of that name, row/column. Raises EchogridError if no tile has it."""
     if "bbox" in parameters:
-        raise EchogridError("bbox: found beside a tile, expected in a query for a region")
+        raise EchogridError("bbox: found with a tile, expected only in a query for a region")
     try:
         row, column = map(int, name.split("/"))
     except ValueError:
         raise EchogridError(f"{TILE}/{name[:80]}: expected row and column of one tile") from None
     if max(abs(row), abs(column)) > FARTHEST:
-        raise EchogridError(f"{TILE}/{name[:80]}: lies beyond every map")
+        raise EchogridError(f"{TILE}/{name[:80]}: is beyond every map")
     return Rectangle(row * SIDE, column * SIDE, SIDE, SIDE)
 
 

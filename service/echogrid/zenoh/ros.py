@@ -30,7 +30,7 @@ HASHES = {
 
 
 class RosNode:
-    """Remembers the tokens that make it visible and a stream for each topic that ROS knows; with `distro` "off" there are none."""
+    """Remembers the tokens that make it visible and a stream for each topic that ROS knows; with `distro` "off" none."""
 
     def __init__(self, session: zenoh.Session, settings: Ros) -> None:
         self.streams: dict[Topic, Stream] = {}

@@ -35,7 +35,7 @@ class Stream:
                 session,
                 key,
                 **settings,
-                # A cache of one and `publisher_detection` bring the last message to whoever comes later, also to ROS nodes.
+                # A cache of one and `publisher_detection` bring the last message to late subscribers, also to ROS nodes.
                 cache=zenoh.ext.CacheConfig(1),
                 sample_miss_detection=zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=0.5),
                 publisher_detection=True,
@@ -51,7 +51,7 @@ class Stream:
         self.publisher.put(message.payload, attachment=attachment)
 
     def heard(self) -> bool:
-        """Whether anybody listens; not to be asked of topics that are kept."""
+        """Whether there are subscribers; not for topics whose last message is kept."""
         assert isinstance(self.publisher, zenoh.Publisher)
         status: Any = self.publisher.matching_status  # which zenoh's types call a bool
         return bool(status.matching)

@@ -79,7 +79,7 @@ def test_a_folder_with_something_in_it_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("years of work")
     with pytest.raises(EchogridError, match=r"is not empty \(it holds 'thesis.tex'\)"):
         write_drive(make_recording(), tmp_path)
-    with pytest.raises(EchogridError, match="holds 'thesis.tex', which is no part of a drive, so --force does not replace it"):
+    with pytest.raises(EchogridError, match="holds 'thesis.tex', which is not part of a drive, so --force does not replace it"):
         write_drive(make_recording(), tmp_path, force=True)
     assert [entry.name for entry in tmp_path.iterdir()] == ["thesis.tex"]
 

@@ -133,7 +133,7 @@ def test_a_drive_without_places_and_a_file_that_is_no_network_are_one_sentence(m
     with pytest.raises(EchogridError, match="^radarscenes-seq_1: none of its scans lies between samples of speed and yaw rate"):
         evaluate("radarscenes", path, model=model, out=tmp_path)
     (tmp_path / "net.onnx").write_text("no network")
-    with pytest.raises(EchogridError, match="net.onnx: is no ONNX model that onnxruntime reads: "):
+    with pytest.raises(EchogridError, match="net.onnx: is not an ONNX model that onnxruntime reads: "):
         evaluate("radarscenes", path, model=str(tmp_path / "net.onnx"), out=tmp_path)
 
 

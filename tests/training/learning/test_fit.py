@@ -120,7 +120,7 @@ def test_a_finished_run_that_is_resumed_stays_as_it_is(data: tuple[Samples, Samp
 
 
 def test_another_run_is_not_gone_on_with(data: tuple[Samples, Samples], whole: Path) -> None:
-    with pytest.raises(EchogridError, match="holds a run; go on with it with --resume"):
+    with pytest.raises(EchogridError, match="holds a run; continue it with --resume"):
         train.fit(*data, TINY, whole)
     with pytest.raises(EchogridError, match=r"checkpoint.pt: is of a run with seed 6, expected 7"):
         train.fit(*data, replace(TINY, seed=7), whole, resume=True)

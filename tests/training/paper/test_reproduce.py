@@ -130,7 +130,7 @@ def test_the_table_judges_the_test_drive(made: tuple[Path, str], drives: Path) -
 def test_what_is_done_is_not_done_again(made: tuple[Path, str], drives: Path) -> None:
     out, said = made
     page = (out / "reproduction.html").read_text("utf-8")
-    with pytest.raises(EchogridError, match="lidar-inverse: holds a run; go on with it with --resume"):
+    with pytest.raises(EchogridError, match="lidar-inverse: holds a run; continue it with --resume"):
         run(drives, out)
     assert run(drives, out, "--resume") == said
     assert (out / "reproduction.html").read_text("utf-8") == page

@@ -31,7 +31,7 @@ class Odometry:
     """Remembers the newest speed and yaw rate, and the states of the last `history` seconds.
 
     Each sample ends an arc on which speed and yaw rate have the mean of their values at its ends. While the wheels stand, yaw is frozen
-    and the yaw rate's bias is learnt. Before both were seen once there is
+    and the yaw rate's bias is learned. Before both were seen once there is
     no pose. A value of one kind is held for `max_hold` after its last sample, then there is no pose until it is back. A silence longer than
     `max_gap` is not bridged: the pose stays where it was, and `gaps` counts it.
     """

@@ -44,7 +44,7 @@ def arc(distance: float, turn: float) -> SE2:
     """Motion along a circular arc of length `distance` (m) that turns by `turn` (rad).
 
     The exponential map of SE(2) for (distance, 0, turn), exact for constant speed and yaw rate. Near turn = 0 the series is
-    used, so a straight line is no special case.
+    used, so a straight line is not a special case.
     """
     if abs(turn) < 1e-4:  # below, sin(t)/t and (1 - cos t)/t lose digits; the next terms are under 1e-17
         return SE2(distance * (1.0 - turn * turn / 6.0), distance * turn / 2.0 * (1.0 - turn * turn / 12.0), turn)

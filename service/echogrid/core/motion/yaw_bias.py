@@ -1,4 +1,4 @@
-"""The yaw-rate sensor's bias, learnt while the car stands still."""
+"""The yaw-rate sensor's bias, learned while the car stands still."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections import deque
 
 SETTLING_NS = 1_000_000_000  # after wheels read 0 and before they do not: many sensors read 0 below a walking pace
 MOST = 2000  # samples that the mean remembers: 20 s at 100 Hz
-PLAUSIBLE = 0.05  # rad/s: more is no bias
+PLAUSIBLE = 0.05  # rad/s: more is not a bias
 
 
 class YawBias:

@@ -20,7 +20,7 @@ class Mount:
     max_range: float
 
     def sees(self, points: Floats) -> NDArray[np.bool_]:
-        """Which of the points (…, 2) in base lie in the field of view."""
+        """Which of the points (…, 2) in base are in the field of view."""
         dx, dy = points[..., 0] - self.base_from_sensor.x, points[..., 1] - self.base_from_sensor.y
         off_boresight = np.angle(np.exp(1j * (np.arctan2(dy, dx) - self.base_from_sensor.yaw)))
         inside: NDArray[np.bool_] = (np.abs(off_boresight) <= self.half_fov) & (np.hypot(dx, dy) <= self.max_range)

@@ -11,7 +11,7 @@ from echogrid.core.radar.mount import Mount
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlacedScan:
-    """`scan` holds what lies within the mount's range, moving things too."""
+    """`scan` holds the detections within the mount's range, moving ones too."""
 
     scan: RadarScan
     mount: Mount

@@ -56,7 +56,7 @@ class ScanAssembler:
     """Remembers the open cycle and the number of the last complete one.
 
     `add` returns a cycle when its last frame has come. Missing, repeated, late and wrong-cycle frames are counted in `health`,
-    and what is not whole is given up.
+    and an incomplete cycle is discarded.
     """
 
     def __init__(self, rule: AssemblyRule, health: SensorHealth) -> None:

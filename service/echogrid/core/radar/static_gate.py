@@ -72,7 +72,7 @@ def deviation(
 def beside_movers(points: Floats, moving: NDArray[np.bool_], noise: GateNoise) -> NDArray[np.bool_]:
     """(N,) True for detections with at least two moving ones within `noise.mover_radius`. points: (N, 2) m, of one cycle.
 
-    A car that passes abeam shows no radial speed in the middle and much at its ends: what lies between them is part of it. One moving
+    A car that passes abeam shows no radial speed in the middle and much at its ends: the part between them belongs to it too. One moving
     neighbour is not enough, since one detection in twenty has a gross Doppler error.
     """
     distance = np.hypot(*(points[:, None, :] - points[moving][None, :, :]).transpose(2, 0, 1))  # (N, movers)

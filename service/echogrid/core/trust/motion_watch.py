@@ -1,4 +1,4 @@
-"""Whether ego motion can be believed: each sample by what a car can do, and all of it by what the radars see."""
+"""Whether ego motion can be trusted: each sample by what a car can do, and all of it by what the radars see."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NS = 1e-9
 MAX_GAP_NS = 500_000_000  # a silence that is longer cannot be bridged: where the car went in it is not known
 SILENT_NS = 300_000_000
 OLD_RUN = 5  # samples in a row that are not newer than the last: no reordering, the clock was set back
-NOTED_NS = 1_000_000_000  # how long an implausible sample is spoken of
+NOTED_NS = 1_000_000_000  # how long an implausible sample stays a reason
 LONGEST_STEP = 0.1  # s: a longer one allows no greater jump
 FASTEST = 100.0  # m/s
 ACCELERATION, SPEED_NOISE = 15.0, 1.0  # m/s², m/s: between two samples a car changes its speed by no more
@@ -27,7 +27,7 @@ MOVING, CREEPING = 1.0, 1.2  # m/s: wheels may read 0 up to a walking pace
 AGREED = 0.5  # share of that difference below which it is not disputed any more
 MOST = 2.0  # of that difference, which one comparison can show
 BETTER = 1.5  # so many times as many detections must fit what differs by more
-SUPPORT = 0.5  # share of the detections that must speak for another motion
+SUPPORT = 0.5  # share of the detections that must support another motion
 
 
 class Verdict(Enum):
@@ -36,7 +36,7 @@ class Verdict(Enum):
     GOOD = "good"
     OLD = "not newer than the last of its kind"
     IMPLAUSIBLE = "no car moves like that"
-    GAP = "the first after a silence that cannot be bridged"
+    GAP = "the first sample after too long a silence"
     JUMP = "time has jumped"
     BACK = "the clock was set back"
 
@@ -55,7 +55,7 @@ class SampleWatch:
         self._behind = 0
 
     def judge(self, stamp_ns: int, value: float) -> Verdict:
-        """A good sample becomes the last one; after GAP or BACK the one who asked begins anew, and calls `restart`."""
+        """A good sample becomes the last one; after GAP or BACK the caller starts a new map and calls `restart`."""
         if self.last_ns is not None and stamp_ns <= self.last_ns:
             self._behind += 1
             return Verdict.BACK if self._behind >= OLD_RUN else Verdict.OLD
@@ -87,7 +87,7 @@ class SampleWatch:
         return self.implausible_ns is not None and (self.last_ns is None or self.implausible_ns > self.last_ns)
 
     def silence(self, now_ns: int) -> str | None:
-        """A sentence where there is no good sample, or none any more."""
+        """A sentence if there is no good sample, or none any more."""
         if self.jumped:
             return f"{self.name}: jumps to {self.implausible:.1f} {self.unit}" if self._is_silent(now_ns) else None
         if self.last_ns is None:
@@ -95,7 +95,7 @@ class SampleWatch:
         return f"{self.name}: silent for {(now_ns - self.last_ns) * NS:.1f} s" if self._is_silent(now_ns) else None
 
     def note(self, now_ns: int) -> str | None:
-        """A sentence where an implausible sample was left out of late."""
+        """A sentence if an implausible sample was left out recently."""
         if self.implausible_ns is None or now_ns - self.implausible_ns > NOTED_NS:
             return None
         return f"{self.name}: jumps to {self.implausible:.1f} {self.unit}"
@@ -110,7 +110,7 @@ class SampleWatch:
 
 
 class MotionWatch:
-    """Remembers both kinds of samples, and how far off they were of late from what the radars see."""
+    """Remembers both kinds of samples, and how far they were off recently from what the radars see."""
 
     def __init__(self) -> None:
         self.speed = SampleWatch("wheel speed", "m/s", FASTEST, ACCELERATION, SPEED_NOISE, STUCK_SPEED)
@@ -134,7 +134,7 @@ class MotionWatch:
 
         Returns whether the two differ too much now.
 
-        `disputed` follows when they differ so on average, and ends when they do not any more.
+        `disputed` is set when they differ so much on average, and ends when they no longer do.
         """
         if seen is None or seen.support < SUPPORT:
             return False

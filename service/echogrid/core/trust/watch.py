@@ -27,8 +27,8 @@ EXPLAINS = 0.5  # share that another mount must explain: what sees nothing but t
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """`ok`: the map is right. `degraded`: right, but made from less. `no_motion`: it stands still, since the car's motion is not known.
-    `stale`: there is none, or it was not updated of late. `stopped`: the service has ended.
+    """`ok`: the map is right. `degraded`: right, but made from fewer data. `no_motion`: not updated, since the car's motion is not known.
+    `stale`: there is no map, or it was not updated recently. `stopped`: the service has ended.
 
     `reasons`: short sentences; none where the state is ok.
     """
@@ -40,16 +40,16 @@ class State:
 class Watch:
     """Remembers what is needed to judge each radar and ego motion, and when the map was updated last.
 
-    `state` may be asked from another thread.
+    `state` may be called from another thread.
     """
 
     def __init__(self, mounts: Mapping[str, Mount], sensors: Mapping[str, SensorHealth], noise: GateNoise) -> None:
-        """The radars' mounts and counters by name, and the gate that tells what stands."""
+        """The radars' mounts and counters by name, and the gate that tells what is static."""
         self.radars = {name: RadarWatch(mount, sensors[name]) for name, mount in mounts.items()}
         self.motion = MotionWatch()
         self.noise = noise
         self.mapped_ns: int | None = None  # receipt of the newest scan in the map
-        self.why_empty: str | None = None  # why the map was begun anew
+        self.why_empty: str | None = None  # why a new map was started
         self._judged_ns: int | None = None
 
     def judge(self, placed: Sequence[PlacedScan]) -> None:
@@ -59,10 +59,10 @@ class Watch:
             self.radars[one.scan.sensor].look(one.scan, one.ego.speed)
         step = 0.0 if self._judged_ns is None else min(max((newest.stamp_ns - self._judged_ns) * NS, 0.0), LONGEST_STEP)
         self._judged_ns = newest.stamp_ns
-        believed = [one for one in placed if not self.radars[one.scan.sensor].doubts] or placed
-        fitting = np.concatenate([one.deviation for one in believed]) <= self.noise.sigmas
+        trusted = [one for one in placed if not self.radars[one.scan.sensor].doubts] or placed
+        fitting = np.concatenate([one.deviation for one in trusted]) <= self.noise.sigmas
         support = float(fitting.mean()) if len(fitting) else 0.0
-        seen = doppler_motion([(one.scan, one.mount) for one in believed])
+        seen = doppler_motion([(one.scan, one.mount) for one in trusted])
         if not self.motion.compare(newest.stamp_ns, newest.speed, newest.yaw_rate, support, seen):
             self._compare_with_motion(placed, step)
         self._compare_with_each_other()
@@ -88,10 +88,10 @@ class Watch:
             if radar.sees > ENOUGH:
                 radar.doubt("blind", False, "")
             elif radar.sees < FEW and others and median(others) > OTHERS:
-                radar.doubt("blind", True, f"blocked: it sees {radar.sees:.0%} of its usual detections, the others theirs")
+                radar.doubt("blind", True, f"blocked: it sees {radar.sees:.0%} of its usual detections, the other radars see theirs")
 
     def restart(self, why: str) -> None:
-        """The map is begun anew."""
+        """A new map is started."""
         self.mapped_ns = None
         self.why_empty = why
         self._judged_ns = None
@@ -107,10 +107,10 @@ class Watch:
         radars = [f"radar {name}: {reason}" for name, radar in self.radars.items() for reason in radar.reasons(now_ns)]
         mapped_ns = self.mapped_ns
         if mapped_ns is None:
-            why = "no map yet" if self.why_empty is None else f"no map yet: begun anew, {self.why_empty}"
+            why = "no map yet" if self.why_empty is None else f"no map yet: a new map was started, {self.why_empty}"
             return State("stale", (why, *lost, *radars))
         if newest_ns is None or now_ns - newest_ns > QUIET_NS:
-            return State("stale", (f"nothing is heard, for {(now_ns - (newest_ns or mapped_ns)) * NS:.1f} s",))
+            return State("stale", (f"nothing received for {(now_ns - (newest_ns or mapped_ns)) * NS:.1f} s",))
         if lost:
             return State("no_motion", (*lost, *radars))
         if now_ns - mapped_ns > STALE_NS:
