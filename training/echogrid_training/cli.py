@@ -62,16 +62,18 @@ def _parser() -> argparse.ArgumentParser:
     for command in (one, other, scene, shipped):
         command.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="the drive folder to write")
         command.add_argument("--classic", action="store_true", help="classic CAN radars instead of CAN FD ones")
-        command.add_argument("--force", action="store_true", help="replace a drive that is there")
+        command.add_argument("--force", action="store_true", help="replace an existing drive")
 
-    towns = commands.add_parser("simulate", help="drives through simulated towns, one folder each; a killed run goes on where it was")
+    towns = commands.add_parser("simulate", help="drives through simulated towns, one folder each; a killed run continues where it was")
     place = towns.add_mutually_exclusive_group(required=True)
     place.add_argument("--family", choices=FAMILIES, help="layout family of the towns")
     place.add_argument("--osm", type=Path, metavar="FILE", help="an OpenStreetMap extract, .osm or .osm.pbf, instead")
     towns.add_argument("--towns", type=fit.positive, required=True, metavar="N", help="how many drives")
     towns.add_argument("--seconds", type=_seconds, default=60.0, metavar="T", help="of each drive (default: 60)")
     towns.add_argument("--seed", type=int, default=0, metavar="S")
-    towns.add_argument("--sensors", choices=("drawn", "paper"), default="drawn", help="anew for every drive (default), or the paper's kind")
+    towns.add_argument(
+        "--sensors", choices=("drawn", "paper"), default="drawn", help="drawn for every drive (default), or the paper's kind"
+    )
     towns.add_argument("--workers", type=fit.positive, default=os.cpu_count() or 1, metavar="N", help="processes; the result is the same")
     towns.add_argument("--out", type=Path, required=True, metavar="DIR")
     towns.set_defaults(command=_simulate)
@@ -81,7 +83,7 @@ def _parser() -> argparse.ArgumentParser:
     look.add_argument("--out", type=Path, required=True, metavar="DIR")
     look.set_defaults(command=_inspect)
 
-    learn = commands.add_parser("fit", help="train the paper's autoencoder on simulated drives, and write it as ONNX")
+    learn = commands.add_parser("fit", help="train a network on simulated drives, and write it as ONNX")
     fit.add_arguments(learn)
     learn.set_defaults(command=_fit)
 

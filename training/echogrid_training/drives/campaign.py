@@ -1,4 +1,4 @@
-"""Many simulated drives: one folder a town, the same whatever number of workers makes them, and to be gone on with after a kill."""
+"""Many simulated drives: one folder a town, the same with any number of workers, and resumable after a kill."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Campaign:
     seconds: float
     seed: int
     osm: str | None = None
-    sensors: Literal["drawn", "paper"] = "drawn"  # anew for every drive, over wide ranges; or the paper's kind
+    sensors: Literal["drawn", "paper"] = "drawn"  # for every drive, over wide ranges; or the paper's kind
 
     def name(self, index: int) -> str:
         """The folder of one town."""
@@ -76,7 +76,7 @@ def _count(names: Iterable[str], campaign: Campaign, out: Path, on_done: Callabl
 
 
 def make(campaign: Campaign, index: int, out: Path) -> str:
-    """One town's drive folder, written whole or not at all; returns its name."""
+    """One town's drive folder, written completely or not at all; returns its name."""
     seed = campaign.town_seed(index)
     folder = out / campaign.name(index)
     check_free(folder, force=False)

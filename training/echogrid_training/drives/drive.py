@@ -42,7 +42,7 @@ def write_drive(
     force: bool = False,
     track: Track = untracked,
 ) -> Report:
-    """Writes the recording's drive folder whole or not at all. With `force` it takes the place of a drive that is there already.
+    """Writes the recording's drive folder completely or not at all. With `force` it replaces an existing drive.
 
     `fd`: CAN FD radars, else classic ones; `seed` draws the radars' processing times. Raises EchogridError.
     """
@@ -62,7 +62,7 @@ def check_free(folder: Path, force: bool) -> None:
     found = sorted(entry.name for entry in folder.iterdir()) if folder.exists() else []
     foreign = [name for name in found if name not in (CONFIG, LOG, TRUTH)]
     if foreign and force:
-        raise EchogridError(f"{folder}: holds '{foreign[0]}', which is no part of a drive, so --force does not replace it")
+        raise EchogridError(f"{folder}: holds '{foreign[0]}', which is not part of a drive, so --force does not replace it")
     if found and not force:
         raise EchogridError(f"{folder}: is not empty (it holds '{found[0]}'); give another folder, or --force to replace a drive")
 

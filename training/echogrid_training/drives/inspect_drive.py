@@ -39,10 +39,10 @@ class Moment:
 
 
 def inspect(folder: Path, out: Path) -> list[Path]:
-    """Writes drive.png and drive.gif; returns their paths. Raises EchogridError where the folder is no drive with a true map."""
+    """Writes drive.png and drive.gif; returns their paths. Raises EchogridError if the folder is not a drive with a true map."""
     drive = find_drive(folder, None)
     truth = load_simulated_truth(drive.truth)
-    config = load_config(drive.config, "analytic")  # its sensor model is not asked
+    config = load_config(drive.config, "analytic")  # its sensor model is not run
     moments = list(_moments(config, drive.config, drive.log, truth))
     if not moments:
         raise EchogridError(f"{drive.log}: gives no map update within the time of {drive.truth}")
@@ -101,7 +101,7 @@ def view(moment: Moment, truth: SimulatedTruth, config: Config) -> Image.Image:
 
 
 def overview(moments: list[Moment], truth: SimulatedTruth) -> Image.Image:
-    """The whole true map, y up, with the static detections of all looks and the true way."""
+    """The whole true map, y up, with the static detections of all looks and the true path."""
     zoom = max(1, 1400 // max(*truth.map.log_odds.shape, 1))
     shaded = Image.fromarray(shade(truth.map.log_odds)[::-1])
     image = shaded.resize((shaded.width * zoom, shaded.height * zoom), Image.Resampling.NEAREST)

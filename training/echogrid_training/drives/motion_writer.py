@@ -25,7 +25,7 @@ class MotionWriter:
         front = database.get_message_by_name("WheelSpeedsFront")
         yaw = database.get_message_by_name("YawRate")
         rear_speed = motion.wheel_speed[:, :2].mean(axis=1)
-        direction = np.where(rear_speed > 0, 1, np.where(rear_speed < 0, 2, 0))  # 0, unknown, where it stands or shows nothing
+        direction = np.where(rear_speed > 0, 1, np.where(rear_speed < 0, 2, 0))  # 0, unknown, where it stands or shows no direction
         wheels: dict[str, tuple[Raw, NDArray[np.bool_]]] = {}
         for wheel, speed in zip(WHEELS, motion.wheel_speed.T, strict=True):
             message = rear if wheel in ("RL", "RR") else front

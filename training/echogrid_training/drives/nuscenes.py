@@ -35,7 +35,7 @@ from echogrid_training.sources import field, load_json, load_npz, numbers, some
 
 RADARS = {"FRONT_LEFT": "front_left", "FRONT_RIGHT": "front_right", "BACK_LEFT": "rear_left", "BACK_RIGHT": "rear_right"}
 BODY = Body(length=4.084, width=1.73, rear_overhang=0.657)  # Renault Zoe
-FOV = math.radians(150.0)  # 99 % of the clusters nearer than 25 m lie within ±74°
+FOV = math.radians(150.0)  # 99 % of the clusters nearer than 25 m are within ±74°
 WHEEL_RADIUS = 0.305  # m
 REVERSE = -0.2  # m/s
 CLUSTER = ("x", "y", "rcs", "vx", "vy")

@@ -52,7 +52,7 @@ def samples(folder: Path, disturbance: Disturbance | None = None, spacing: float
     """The drive's samples at least `spacing` m of way apart, by the service's own decoding, gate and rasteriser. Raises EchogridError."""
     drive = find_drive(folder, None)
     truth = load_simulated_truth(drive.truth)
-    config = load_config(drive.config, "analytic")  # its sensor model is not asked
+    config = load_config(drive.config, "analytic")  # its sensor model is not run
     pipeline = Pipeline(config, drive.config)
     mapper = pipeline.mapper
     spec = mapper.map.spec

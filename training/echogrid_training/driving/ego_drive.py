@@ -113,7 +113,7 @@ def _main(
 
 
 def _weave(count: int, places: Floats, rng: np.random.Generator) -> Floats:
-    """(N,) m: nobody drives in the exact middle of the lane; at its ends they do."""
+    """(N,) m: no one drives in the exact middle of the lane, except at its ends."""
     drift = sum(rng.normal(0.0, 0.07) * np.sin(places * (2 * math.pi / rng.uniform(20.0, 70.0)) + rng.uniform(0, 6)) for _ in range(3))
     return np.asarray(drift + np.zeros(count)) * ramp(places / 10.0) * ramp((places[-1] - places) / 15.0)
 

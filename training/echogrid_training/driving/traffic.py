@@ -1,6 +1,6 @@
 """Other traffic: cars before, behind and across the ego's way, cyclists at the kerb, pedestrians on pavements and across the street.
 
-Nobody reacts to the ego but the car behind it: who would come too close to it, to another or to what stands is not there at all.
+Only the car behind the ego reacts to it: whatever would come too close to it, to others or to standing things is left out.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """`echogrid-train evaluate real`: learned and analytic side by side on recordings that were not made for it.
 
 Every recording goes through the whole chain: imported into CAN frames, decoded, mapped by the service with dead-reckoned poses, the network
-run from its file. What is scored: real_scores.py on drives, real_astyx.py on single frames beside a lidar.
+run from its file. What is scored: recorded/scores.py on drives, recorded/astyx.py on single frames beside a lidar.
 """
 
 from __future__ import annotations

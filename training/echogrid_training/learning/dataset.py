@@ -1,6 +1,6 @@
 """The samples of simulated drives as arrays, the split by towns, and the augmentations.
 
-Cutting a drive of 40 s takes seconds, so its samples are kept beside its folder as NAME.samples.npz, and cut anew when the drive or the
+Cutting a drive of 40 s takes seconds, so its samples are kept beside its folder as NAME.samples.npz, and cut again when the drive or the
 code that draws images changes.
 """
 

@@ -15,7 +15,7 @@ def fit_logistic(features: Floats, occupied: NDArray[np.bool_], start: Floats, s
     """(F,) weights w so that w @ features are log-odds of `occupied` (N,). features: (F, N), a row of ones among them for the offset.
 
     `start` (F,), unchanged, where one of the two classes is missing. Newton's method; a step that leads uphill is halved until it does
-    not, for from a start far away whole steps may go to and fro for ever.
+    not, because from a start far away whole steps may oscillate forever.
     """
     if occupied.all() or not occupied.any():
         return start

@@ -18,7 +18,7 @@ LEAST_WEIGHT = 0.05  # of a look: what a network hardly holds for observable say
 def calibrate_map(drives: Sequence[Path], model: Path, track: Track = untracked) -> Calibration:
     """Of a network's file, by greatest likelihood over all cells that truth and map know, along simulated drives it has not learned from.
 
-    The sum of the geometry's log-odds was tried as a third term: it came out at a thirtieth of the network's weight and told nothing more.
+    The sum of the geometry's log-odds was tried as a third term: it came out at a thirtieth of the network's weight and added nothing.
     The network's own log-odds where there is no such cell. Raises EchogridError.
     """
     means, occupied = [], []

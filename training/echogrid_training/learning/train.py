@@ -3,7 +3,7 @@
     echogrid-train fit --drives drives --out models/paper --weighting independent --epochs 30 --seed 1
     echogrid-train fit --drives drives --out models/paper --weighting independent --epochs 30 --seed 1 --resume
 
-The folder `--out` holds log.jsonl, a line an epoch; checkpoint.pt, from which a killed run goes on; and model.pt, which export.py reads.
+The folder `--out` holds log.jsonl, a line an epoch; checkpoint.pt, from which a killed run continues; and model.pt, which export.py reads.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Settings:
     seed: int = 0
     width: int = 32  # of the paper's network
     batch: int = 64
-    per_epoch: int | None = None  # samples drawn anew for each epoch; None for all
+    per_epoch: int | None = None  # samples drawn for each epoch; None for all
     sensor: Sensor = "radar"  # whose image the paper's network is shown
     labels: Kind = "ternary"  # that the paper's loss compares with
     rate: float = 2e-3  # at the peak of the cycle
@@ -133,7 +133,7 @@ def fit(
 ) -> Trained:
     """Trains, and writes log, checkpoints and model into `out`. An interrupted run that is resumed ends with the same bits on a CPU.
 
-    Raises EchogridError where `out` holds another run, or this one and `resume` is not asked for.
+    Raises EchogridError where `out` holds another run, or this one without `resume`.
     """
     data_sha256 = data_sha256 or learned.digest()
     with joined_ranks() as ranks:
@@ -257,10 +257,10 @@ def load_trained(path: Path) -> Trained:
 
 
 def _take_up(run: Run, what: dict[str, Any], out: Path, resume: bool, ranks: Ranks) -> None:
-    """Goes on where the checkpoint in `out` was, if there is one."""
+    """Continues from the checkpoint in `out`, if there is one."""
     path = out / CHECKPOINT
     if path.exists() and not resume:
-        raise EchogridError(f"{out}: holds a run; go on with it with --resume, or give another folder")
+        raise EchogridError(f"{out}: holds a run; continue it with --resume, or give another folder")
     if path.exists():
         held = _load(path)
         for key, value in what.items():

@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of first weights, order and augmentation (default: 0)")
     parser.add_argument("--small", action="store_true", help="few samples, networks half as wide: five minutes each on two cores")
     parser.add_argument("--workers", type=positive, default=os.cpu_count() or 1, metavar="N", help="processes that cut samples")
-    parser.add_argument("--resume", action="store_true", help="go on with the runs in --out where they were interrupted")
+    parser.add_argument("--resume", action="store_true", help="continue the runs in --out where they were interrupted")
 
 
 def run(options: argparse.Namespace, track: Track = untracked) -> str:

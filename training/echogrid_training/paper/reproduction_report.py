@@ -96,7 +96,7 @@ def observations(networks: Sequence[Autoencoder]) -> list[tuple[str, bool]]:
 
 
 def page(made: Reproduction) -> str:
-    """The whole page; it needs nothing beside it."""
+    """The whole page; it needs no other file."""
     body = "\n".join((_opening(made), _table(made), _scenes(made), _prior(made), _maps(made), _curves(made), _settings(made)))
     title = "Deep, spatially coherent occupancy maps: a reproduction on simulated drives"
     return f"""<!DOCTYPE html>
@@ -115,12 +115,12 @@ def _opening(made: Reproduction) -> str:
     return f"""<p>D. Bauer, L. Kuhnert and L. Eckstein, <i>Deep, spatially coherent Occupancy Maps based on Radar Measurements</i>
 (arXiv 1903.12467), train four autoencoders that turn one image of sensor returns into log-odds of occupancy for the 128 x 128 cells
 around a car: from a lidar or from four radars, with two ways to weight the classes. This page repeats their table and figures; its
-pictures stand beside it as PNG files too.</p>
-<p><b>What is not the paper's.</b> The figure with the network is not in the paper's text, so channel widths, depth and kernels are our
-choice: five convolutions of kernel 4 and stride 2 down to 4 x 4 cells, five deconvolutions back, one convolution of kernel 3, with
+pictures are beside it as PNG files too.</p>
+<p><b>What is not the paper's.</b> The figure with the network is not in the paper's text, so we chose channel widths, depth and
+kernels: five convolutions of kernel 4 and stride 2 down to 4 x 4 cells, five deconvolutions back, one convolution of kernel 3, with
 LeakyReLU and batch norm; width {trained.settings.width}, {weight_count(trained.model()) / 1e6:.2f} million weights. Optimiser, rate and
 strength of L2 are ours too. <b>The towns are simulated</b>: streets, traffic, radars, lidar and motion sensors are generated, since the
-paper's recordings are not public. Beside the paper's numbers, ours compare a pattern, not a score.</p>"""
+paper's recordings are not public. So compare the pattern of the numbers with the paper's, not the scores.</p>"""
 
 
 def _table(made: Reproduction) -> str:
@@ -128,8 +128,8 @@ def _table(made: Reproduction) -> str:
     return f"""<h2>Table I: mean squared error by class</h2>
 {_rows(table_rows(made.networks), table_head())}
 <p>Of tanh(log-odds / 2), pooled over all pixels of the test towns. <i>Free</i>, <i>unknown</i>, <i>occupied</i>: against labels -1, 0 and
-1, as the paper writes its classes. <i>Soft</i>: against labels tanh(L / 2) of the true log-odds L, in classes by their sign. To compare
-with: a network that says <i>unknown</i> everywhere has 1, 0 and 1, one that says <i>free</i> everywhere 0, 1 and 4.</p>
+1, as the paper writes its classes. <i>Soft</i>: against labels tanh(L / 2) of the true log-odds L, in classes by their sign. For
+comparison: a network that says <i>unknown</i> everywhere has 1, 0 and 1, one that says <i>free</i> everywhere 0, 1 and 4.</p>
 {_rows(claims, ("what the table shows in the paper", "here too"))}"""
 
 
@@ -137,9 +137,9 @@ def _scenes(made: Reproduction) -> str:
     names = [name for name in made.pictures if name.startswith("scene-")]
     figures = "\n".join(_figure(made, name, f"Scene {number}.") for number, name in enumerate(names, 1))
     return f"""<h2>The inverse sensor models (the paper's Fig. 5)</h2>
-<p>In the paper's colours: free black, unknown grey, occupied white. Ahead is up; the car's outline is green. What is shown to a network
-has a white dot in every cell with a return, here grown to 3 x 3 cells for the eye. The scenes were chosen before any network was asked:
-of drives spread evenly over the test set, the sample with most occupied cells.</p>
+<p>In the paper's colours: free black, unknown grey, occupied white. Ahead is up; the car's outline is green. The input of a network
+has a white dot in every cell with a return, here enlarged to 3 x 3 cells. The scenes were chosen without any network:
+from drives spread evenly over the test set, the sample with the most occupied cells.</p>
 {figures}"""
 
 
@@ -157,20 +157,20 @@ def _maps(made: Reproduction) -> str:
             of = made.maps[rule, network.name]
             shares = [_share(of.sure), _share(of.sure_and_wrong)]
             errors.append([network.sensor, SCHEMES[network.weighting], title, *shares, _number(of.bits), _number(of.fitted_bits)])
-    head = ("sensor", "class weights", "rule", "cells surely told", "wrong of those", "bits a cell", "after a fit")
+    head = ("sensor", "class weights", "rule", "sure cells", "wrong of those", "bits per cell", "after a fit")
     figures = "\n".join(_map_pair(made, network) for network in made.networks)
     return f"""<h2>Large-scale mapping (Fig. 7)</h2>
-<p>The answers along {escape(made.drive)}, with {made.way:.0f} m the longest test drive, put together at the true poses. Over each map, in
-orange, the cells that the true map holds for occupied, and in blue the way driven. Left by the paper's Eq. (1), which adds the log-odds
+<p>The answers along {escape(made.drive)}, with {made.way:.0f} m the longest test drive, combined at the true poses. Over each map, in
+orange, the occupied cells of the true map, and in blue the driven path. Left by the paper's Eq. (1), which adds the log-odds
 of every update, kept within ±{CLAMP} as in the service; right by the rule <code>looks</code>, the mean over the same updates.</p>
-<p>Eq. (1) takes the answers for independent. They are not: much of an answer is the prior, and it is said anew at every update. Added some
-dozens of times, it drives a cell to the clamp whether it is right or wrong. The mean says it once. The table tells how much that is.</p>
+<p>Eq. (1) treats the answers as independent. They are not: much of an answer is the prior, and every update repeats it. Added some
+dozens of times, it drives a cell to the clamp whether it is right or wrong. The mean counts it once. The table shows how much that is.</p>
 {_rows(errors, head)}
-<p>Over the cells that both the map and the truth know. Surely told: log-odds of {CLAMP} or more by amount, p below 0.03 or above 0.97.
-Bits a cell: what its truth still costs to tell when the map's probability is known; a map that says the share of occupied cells
+<p>Over the cells that both the map and the truth know. Sure: log-odds of {CLAMP} or more by amount, p below 0.03 or above 0.97.
+Bits per cell: what it costs to encode the truth when the map's probability is known; a map that says the share of occupied cells
 everywhere needs {_number(next(iter(made.maps.values())).least)}. After a fit: with the best two numbers in a · log-odds + b for each map,
 since the class weights shift the odds.</p>
-{_figure(made, "map-truth", "The true map: what an ideal lidar says along the way, summed by Eq. (1).")}
+{_figure(made, "map-truth", "The true map: what an ideal lidar says along the path, summed by Eq. (1).")}
 {figures}"""
 
 
@@ -183,7 +183,7 @@ def _map_pair(made: Reproduction, network: Autoencoder) -> str:
 def _curves(made: Reproduction) -> str:
     charts = "".join(_figure(made, name) for name in made.pictures if name.startswith("curves-"))
     return f"""<h2>Convergence</h2>
-<p>The loss that is learned by, to which each weighting gives a scale of its own, and the errors in held-out towns after each epoch, as in
+<p>The training loss, whose scale differs between the weightings, and the errors in held-out towns after each epoch, as in
 the networks' <code>log.jsonl</code>.</p>
 <div class="pair">{charts}</div>"""
 
@@ -214,7 +214,7 @@ cells in it: {", ".join(_number(share) for share in first.shares)}.</p>
 
 
 def _rows(rows: Iterable[Sequence[str]], head: Sequence[str]) -> str:
-    """A table; columns that begin with a number stand to the right."""
+    """A table; columns that start with a number are aligned right."""
     rows = list(rows)
     kinds = [" class=number" if _is_number(cell) else "" for cell in rows[0]]
 

@@ -143,7 +143,7 @@ def table(real: Mapping[str, Drive], sims: Sequence[Drive]) -> str:
 
 
 def put_into(document: Path, text: str) -> None:
-    """Replaces what stands between the document's marks. Raises EchogridError where it has none."""
+    """Replaces the text between the document's marks. Raises EchogridError if it has none."""
     try:
         old = document.read_text(encoding="utf-8")
     except OSError as error:

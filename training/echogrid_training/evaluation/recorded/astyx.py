@@ -6,7 +6,7 @@ cross-sections, so none is reported.
 
 The reference's cells reach from the radar 30 m ahead and 15 m to each side, the service's patch 15 m from base in all directions. So the
 radar is placed twice: for the "whole" patch in the middle of its rear edge, where its cells are the reference's, but where no car has a
-radar and no network has met one; for the "near" patch where cars have it, and only what lies less than 11.25 m ahead of it is scored.
+radar and no network has seen one; for the "near" patch where cars have it, and only cells less than 11.25 m ahead of it are scored.
 """
 
 from __future__ import annotations

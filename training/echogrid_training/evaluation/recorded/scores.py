@@ -19,7 +19,7 @@ from echogrid.core.motion.odometry import EgoState
 from echogrid_training.evaluation.metrics import Mask
 
 OCCUPIED, FREE = 0.85, -1.5  # log-odds: called occupied above (p > 0.7), surely free below
-MARGIN = 30.0  # m around the driven line: nothing that is scored lies farther away
+MARGIN = 30.0  # m around the driven line: nothing that is scored is farther away
 OUTLINE = (-0.95, 3.65, -0.9, 0.9)  # m in base: x and y from and to of what a car sweeps; one cell less is surely driven over
 
 
@@ -35,7 +35,7 @@ class Rectangle:
 
     @staticmethod
     def around(driven: Sequence[EgoState], cell: float) -> Rectangle:
-        """All that lies within MARGIN of the driven line, and more."""
+        """All cells within MARGIN of the driven line, and more."""
         places = np.array([(ego.odom_from_base.y, ego.odom_from_base.x) for ego in driven]).reshape(-1, 2)
         row, column = np.floor((places.min(axis=0) - MARGIN) / cell).astype(int).tolist()
         last_row, last_column = np.floor((places.max(axis=0) + MARGIN) / cell).astype(int).tolist()
@@ -63,7 +63,7 @@ class Rectangle:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Said:
-    """What a map says where it is asked. `reach`: the largest log-odds of a cell and its four neighbours, -inf where none is observed.
+    """What a map says at some places. `reach`: the largest log-odds of a cell and its four neighbours, -inf where none is observed.
 
     A cell that reaches more than a threshold is one that the occupied cells cover when they are widened by one cell.
     """

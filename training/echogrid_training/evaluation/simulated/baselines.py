@@ -129,7 +129,7 @@ class NearestFill:
 
 @dataclass(frozen=True)
 class Regressed:
-    """A regression on occupied points, the detections of the last 15 m, and free ones along their rays, drawn anew for every patch."""
+    """A regression on occupied points, the detections of the last 15 m, and free ones along their rays, drawn again for every patch."""
 
     model: GaussianProcess | HilbertMap
 

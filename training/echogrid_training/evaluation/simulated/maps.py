@@ -150,6 +150,6 @@ def view(level: Level, tape: Tape, of: Sequence[Row], stop: Stop) -> View:
 
 
 def replayed(tape: Tape, of: Sequence[Row]) -> list[Row]:
-    """Rows over the same maps, with mappers that begin anew: the second time round, dead reckoning says the same."""
-    anew = {id(mapper): tape.mapper(mapper.infer, mapper.map) for mapper in mappers(of)}
-    return [Row(row.key, anew[id(row.mapper)], row.read) for row in of]
+    """Rows over the same maps, with new mappers: the second time, dead reckoning says the same."""
+    fresh = {id(mapper): tape.mapper(mapper.infer, mapper.map) for mapper in mappers(of)}
+    return [Row(row.key, fresh[id(row.mapper)], row.read) for row in of]
