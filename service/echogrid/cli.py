@@ -132,7 +132,7 @@ def _map_parsers(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     merge.add_argument("out", type=Path, metavar="OUT.egmap")
     merge.add_argument(
-        "maps", nargs="+", metavar="FILE.egmap[@EPOCH][:X,Y,YAW_DEG]", help="where its origin lies in the merged map, m and degrees"
+        "maps", nargs="+", metavar="FILE.egmap[@EPOCH][:X,Y,YAW_DEG]", help="pose of its origin in the merged map, m and degrees"
     )
     merge.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster whose workers find the files under the same paths")
     merge.set_defaults(command=_map_merge)

@@ -40,13 +40,13 @@ class Mapping:
         self._snapshots = Snapshots()
         self._mapped_at = time.monotonic()  # when the newest frame was processed: a lag is latency, not silence
         self._lag = 0.0  # s, from that frame's receipt to then
-        self._turned_at = time.monotonic()  # when the mapping last came round
+        self._looped_at = time.monotonic()  # when the mapping loop last ran
         self._latencies: deque[float] = deque(maxlen=LATENCIES)  # s, from a frame's receipt to the map update that it ended
 
     def run(self, stop: threading.Event, tap: Callable[[str, can.Message], None] | None = None) -> None:
         """Until `stop` is set. `tap` is given every frame before it is mapped."""
         while not stop.is_set():
-            self._turned_at = time.monotonic()
+            self._looped_at = time.monotonic()
             item = self._queue.get(timeout=WAIT)
             if item is None:
                 continue
@@ -77,9 +77,9 @@ class Mapping:
         p50, p99 = np.percentile(latencies, (50, 99)).tolist() if len(latencies) else (None, None)
         return {"p50": p50, "p99": p99}
 
-    def turned(self) -> float:
-        """s since the mapping last came round: it does so with or without frames."""
-        return time.monotonic() - self._turned_at
+    def loop_age(self) -> float:
+        """s since the mapping loop last ran: it does so with or without frames."""
+        return time.monotonic() - self._looped_at
 
 
 class Outbox:

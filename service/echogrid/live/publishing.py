@@ -48,7 +48,7 @@ class Publishing:
             snapshot = self._outbox.get(timeout=WAIT)
             if snapshot is not None:
                 self.send(self._announcer.map(snapshot))
-                manager.map_went_out()
+                manager.map_published()
             if time.monotonic() >= status_due:
                 status = self._status()
                 tell(status)

@@ -58,7 +58,7 @@ class Service:
         self.receiving = Receiving(pipeline.signals)
         self.mapping = Mapping(pipeline, add or pipeline.add, self.receiving.queue)
         self.publishing = Publishing(Announcer(self.config, pipeline.model.why), self.mapping.outbox, self.status)
-        self.manager = Manager(self.mapping.turned)
+        self.manager = Manager(self.mapping.loop_age)
         self.keeper: TileKeeper | None = None
         self.recorder: McapRecorder | None = None
         self._record, self._foxglove = record, foxglove
@@ -71,7 +71,7 @@ class Service:
             for bus in self.receiving.buses:
                 self.workers.add(bus.bus.name, partial(self.receiving.run, bus))
             with self.workers:
-                self._tell_that_it_is_live()
+                self._report_live()
                 try:
                     self.mapping.run(self.workers.stop, None if self.recorder is None else self.recorder.frame)
                 finally:
@@ -80,7 +80,7 @@ class Service:
             raise self.workers.failure
 
     def status(self) -> dict[str, Any]:
-        """What goes out as status: the state of the map, how the service keeps up, and all counters."""
+        """What is published as status: the state of the map, how the service keeps up, and all counters."""
         state, health = self.mapping.state(), self.pipeline.health
         return {
             "state": state.name,
@@ -133,7 +133,7 @@ class Service:
             self.publishing.sinks.append(self.recorder)
             self.workers.add("recorder", self.recorder.run)
 
-    def _tell_that_it_is_live(self) -> None:
+    def _report_live(self) -> None:
         self.live.set()
         log.info("inverse sensor model: %s", self.pipeline.model.why)
         buses = ", ".join(f"{bus.name} ({bus.interface} {bus.channel})" for bus in self.config.bus)

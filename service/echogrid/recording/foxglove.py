@@ -26,9 +26,9 @@ class Foxglove:
         self._context = context = foxglove.Context()  # closes its channels when it goes
         self._channels: dict[str, foxglove.Channel] = {}
         for topic in TOPICS:
-            told = viewer_channel(topic)
-            schema = foxglove.Schema(name=told.schema, encoding=told.schema_encoding, data=told.definition)
-            channel = foxglove.Channel(told.topic, schema=schema, message_encoding=told.message_encoding, context=context)
+            described = viewer_channel(topic)
+            schema = foxglove.Schema(name=described.schema, encoding=described.schema_encoding, data=described.definition)
+            channel = foxglove.Channel(described.topic, schema=schema, message_encoding=described.message_encoding, context=context)
             self._channels[topic.name] = channel
         self._meta: bytes | None = None
         try:

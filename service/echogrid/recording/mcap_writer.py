@@ -72,7 +72,7 @@ class McapWriter:
         called = message.channel if isinstance(message.channel, str | int | None) else str(message.channel)
         if (bus, called) not in self._buses:
             if len(self._buses) == MOST_BUSES or len(str(called)) > LONGEST_NAME:
-                raise ValueError("no CAN frame: its channel is none")
+                raise ValueError("not a CAN frame: too many channels, or too long a name")
             self._buses[bus, called] = self._channel(can_channel(bus), {"channel": json.dumps(called)})
         self._add(self._buses[bus, called], stamp_ns(message), payload)
 

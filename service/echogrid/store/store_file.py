@@ -53,7 +53,7 @@ class ForeignFileError(EchogridError):
 
 def open_file(path: Path, write: bool) -> sqlite3.Connection:
     """A connection to a store; to write, the file is made where it is not. Raises StoreError and ForeignFileError."""
-    with told(path), _closed_on_error(_connect(path, write)) as connection:
+    with sqlite_errors(path), _closed_on_error(_connect(path, write)) as connection:
         if connection.execute("PRAGMA page_count").fetchone()[0] == 0:
             if not write:
                 raise StoreError(f"{path}: is empty")
@@ -68,7 +68,7 @@ def open_file(path: Path, write: bool) -> sqlite3.Connection:
 
 
 @contextmanager
-def told(path: Path) -> Iterator[None]:
+def sqlite_errors(path: Path) -> Iterator[None]:
     """What SQLite raises, as StoreError; a file that is not a database, as ForeignFileError."""
     try:
         yield

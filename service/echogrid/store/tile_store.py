@@ -13,7 +13,7 @@ import zstandard
 from echogrid.core.map.tile import Tile, TileKey
 from echogrid.errors import EchogridError
 from echogrid.store.epoch import LAYERS, Description, Epoch, description_of, row_of
-from echogrid.store.store_file import StoreError, open_file, told, transaction
+from echogrid.store.store_file import StoreError, open_file, sqlite_errors, transaction
 from echogrid.store.tile_data import decode, encode
 
 OLDEST = 64  # tiles that are removed at once if there is no room
@@ -39,12 +39,12 @@ class TileStore:
 
     def close(self) -> None:
         """A second time does nothing."""
-        with told(self.path):
+        with sqlite_errors(self.path):
             self._connection.close()
 
     def epochs(self) -> tuple[Epoch, ...]:
         """The oldest first."""
-        with told(self.path):
+        with sqlite_errors(self.path):
             rows = self._connection.execute(
                 "SELECT id, begun_ns, vehicle, cell, kind, clamp, calibration, radars, n, bytes, newest FROM epoch LEFT JOIN"
                 " (SELECT epoch, count(*) AS n, sum(length(data)) AS bytes, max(stamp_ns) AS newest FROM tile GROUP BY epoch)"
@@ -54,7 +54,7 @@ class TileStore:
 
     def description(self, epoch: int) -> Description:
         """Raises EchogridError if there is no such epoch."""
-        with told(self.path):
+        with sqlite_errors(self.path):
             row = self._connection.execute(
                 "SELECT id, begun_ns, vehicle, cell, kind, clamp, calibration, radars FROM epoch WHERE id = ?", (epoch,)
             ).fetchone()
@@ -65,18 +65,18 @@ class TileStore:
 
     def numbers(self) -> list[int]:
         """Of all epochs, the oldest first."""
-        with told(self.path):
+        with sqlite_errors(self.path):
             return [number for (number,) in self._connection.execute("SELECT id FROM epoch ORDER BY id")]
 
     def next_epoch(self) -> int:
         """The number that `begin` gives to the next one: above all that there ever were."""
-        with told(self.path):
+        with sqlite_errors(self.path):
             ((newest,),) = self._connection.execute("SELECT coalesce(max(seq), 0) FROM sqlite_sequence WHERE name = 'epoch'")
         return int(newest) + 1
 
     def begin(self, description: Description, epoch: int | None = None) -> int:
         """A new epoch's number: `next_epoch()`, or a given one above all others. Epochs before it without tiles are removed."""
-        with told(self.path), transaction(self._connection):
+        with sqlite_errors(self.path), transaction(self._connection):
             number = self.next_epoch()
             if epoch is not None and epoch < number:
                 raise StoreError(f"{self.path}: epoch {epoch} should start, but {number - 1} has started: another process writes this file")
@@ -87,12 +87,12 @@ class TileStore:
 
     def tiles(self, epoch: int) -> list[TileKey]:
         """Of an epoch, by row and column."""
-        with told(self.path):
+        with sqlite_errors(self.path):
             return self._connection.execute("SELECT row, col FROM tile WHERE epoch = ? ORDER BY row, col", (epoch,)).fetchall()
 
     def read(self, epoch: int, tile: TileKey) -> Tile | None:
         """None if there is none. Raises StoreError if its data is damaged."""
-        with told(self.path):
+        with sqlite_errors(self.path):
             row = self._connection.execute(
                 "SELECT data, kind FROM tile JOIN epoch ON epoch = id WHERE epoch = ? AND row = ? AND col = ?", (epoch, *tile)
             ).fetchone()
@@ -105,48 +105,48 @@ class TileStore:
 
     def stamp_ns(self, epoch: int, tile: TileKey) -> int | None:
         """Of the newest update that was in the map when the tile was written, Unix time. None if there is none."""
-        with told(self.path):
+        with sqlite_errors(self.path):
             row = self._connection.execute("SELECT stamp_ns FROM tile WHERE epoch = ? AND row = ? AND col = ?", (epoch, *tile)).fetchone()
         return None if row is None else int(row[0])
 
     def write(self, epoch: int, tiles: Mapping[TileKey, Tile], stamp_ns: int) -> None:
         """All of them or none; those that are there already are replaced. `stamp_ns`: of the newest update in them, Unix time."""
         rows = [(epoch, *key, stamp_ns, encode(tile)) for key, tile in tiles.items()]
-        with told(self.path), transaction(self._connection):
+        with sqlite_errors(self.path), transaction(self._connection):
             self._connection.executemany("INSERT OR REPLACE INTO tile VALUES (?, ?, ?, ?, ?)", rows)
 
     def forget(self, epoch: int) -> None:
         """An epoch and its tiles. The file keeps its size, and what comes next has room in it; `shrink` gives it back."""
-        with told(self.path), transaction(self._connection):
+        with sqlite_errors(self.path), transaction(self._connection):
             self._connection.execute("DELETE FROM tile WHERE epoch = ?", (epoch,))
             self._connection.execute("DELETE FROM epoch WHERE id = ?", (epoch,))
 
     def forget_oldest(self, epoch: int) -> list[TileKey]:
         """The OLDEST tiles of an epoch that were written longest ago; which they were."""
         which = "SELECT row, col FROM tile WHERE epoch = ? ORDER BY stamp_ns, row, col LIMIT ?"
-        with told(self.path), transaction(self._connection):
+        with sqlite_errors(self.path), transaction(self._connection):
             keys: list[TileKey] = self._connection.execute(which, (epoch, OLDEST)).fetchall()
             self._connection.executemany("DELETE FROM tile WHERE epoch = ? AND row = ? AND col = ?", [(epoch, *key) for key in keys])
         return keys
 
     def used(self) -> int:
         """Bytes of the file that hold something."""
-        with told(self.path):
+        with sqlite_errors(self.path):
             return (self._pragma("page_count") - self._pragma("freelist_count")) * self._pragma("page_size")
 
     def size(self) -> int:
         """Bytes of the file."""
-        with told(self.path):
+        with sqlite_errors(self.path):
             return self._pragma("page_count") * self._pragma("page_size")
 
     def seal(self) -> None:
         """After the last write: the file alone holds everything, and is read from where nothing can be written, or over a network, too."""
-        with told(self.path):
+        with sqlite_errors(self.path):
             self._connection.execute("PRAGMA journal_mode = DELETE").fetchall()
 
     def shrink(self, most: int | None = None) -> None:
         """Gives room that is not used back to the file system, so that the file has no more than `most` bytes if that can be; None: all."""
-        with told(self.path):
+        with sqlite_errors(self.path):
             pages = 0 if most is None else math.ceil((self.size() - most) / self._pragma("page_size"))  # 0: all
             if most is None or pages > 0:
                 self._connection.executescript(f"PRAGMA incremental_vacuum({pages})")  # `execute` would take its first step alone

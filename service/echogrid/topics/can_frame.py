@@ -45,7 +45,7 @@ def decode_frame(payload: bytes, channel: str | int | None) -> can.Message:
         raise ValueError(f"a frame's message ends after {len(payload)} bytes") from error
     data = payload[at + _FRAME.size :]
     if encapsulation != LITTLE_ENDIAN or len(data) != count or count > MOST_DATA:
-        raise ValueError(f"a frame's message of {len(payload)} bytes with {count} of data is none")
+        raise ValueError(f"a message of {len(payload)} bytes with {count} of data is not a frame's")
     extended, remote, fault, fd, switch, state, received = flags
     return can.Message(
         timestamp=timestamp,

@@ -84,7 +84,7 @@ def decode_update(payload: bytes) -> GridUpdate:
     if count != len(body) - at or count != width * height:
         raise ValueError(f"an update of {height} x {width} cells declares {count} and holds {len(body) - at}")
     if x < 0 or y < 0:
-        raise ValueError(f"an update of the cells from row {y} and column {x} on lies outside its grid")
+        raise ValueError(f"an update of the cells from row {y} and column {x} on is outside its grid")
     return GridUpdate(stamp_ns, frame, x, y, _cells(body[at:], height, width))
 
 

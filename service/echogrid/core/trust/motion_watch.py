@@ -171,5 +171,5 @@ class MotionWatch:
         return found or ([] if self.disputed is None else [self.disputed])
 
     def noted(self, now_ns: int) -> list[str]:
-        """What was left out of late, though motion is known."""
+        """What was left out recently, though motion is known."""
         return [sentence for watch in (self.speed, self.yaw_rate) if (sentence := watch.note(now_ns)) is not None]

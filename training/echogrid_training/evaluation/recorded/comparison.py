@@ -85,7 +85,7 @@ def compare(name: str, drive: RealDrive, model: str, first: DriveScores | None, 
     `first`: whose thresholds are tried here too; None: this is the first. Raises EchogridError.
     """
     if not drive.scans:
-        raise EchogridError(f"{name}: none of its scans lies between samples of speed and yaw rate, so that none has a place")
+        raise EchogridError(f"{name}: none of its scans is between samples of speed and yaw rate, so none can be placed")
     where = Rectangle.around(drive.driven, load_config(drive.config).grid.cell)
     swept = swept_ground(drive.driven, where)
     asked = drive.scans[1::2]
