@@ -8,10 +8,12 @@ import struct
 import cantools
 import numpy as np
 import pytest
-from cantools.database.can import Message
+from cantools.database.can import Message as Theirs
 from hypothesis import given
 from hypothesis import strategies as st
 
+from echogrid.can import dbc_file
+from echogrid.can.database import Message
 from echogrid.can.decode import BatchDecoder, layout_of, stack
 
 
@@ -26,8 +28,17 @@ def _bit_positions(start: int, length: int, motorola: bool) -> list[int] | None:
     return positions
 
 
+Both = tuple[Message, Theirs]
+
+
+def read_by_both(text: str) -> Both:
+    """The only message of a DBC file, as we read it and as cantools does."""
+    (ours,) = dbc_file.parse(text.encode()).messages
+    return ours, cantools.database.load_string(text, "dbc").messages[0]
+
+
 @st.composite
-def dbc_messages(draw: st.DrawFn) -> Message:
+def dbc_messages(draw: st.DrawFn) -> Both:
     """One message of 1 to 64 bytes with signals that do not overlap within their multiplexor branch."""
     size = draw(st.integers(1, 64))
     lines: list[str] = []
@@ -60,7 +71,7 @@ def dbc_messages(draw: st.DrawFn) -> Message:
     floats = [line.split()[1:] for line in lines if line.startswith("FLOAT")]
     text = f"BU_: T R\n\nBO_ 256 Message: {size} T\n" + "\n".join(signals) + "\n\n"
     text += "".join(f"SIG_VALTYPE_ 256 S{number} : {kind};\n" for number, kind in floats)
-    return cantools.database.load_string(text, "dbc").messages[0]
+    return read_by_both(text)
 
 
 def _same_bits(one: float, other: float) -> bool:
@@ -68,15 +79,16 @@ def _same_bits(one: float, other: float) -> bool:
 
 
 @given(dbc_messages(), st.data())
-def test_equal_to_cantools_bit_for_bit(message: Message, data: st.DataObject) -> None:
+def test_equal_to_cantools_bit_for_bit(both: Both, data: st.DataObject) -> None:
+    message, by_cantools = both
     payloads = data.draw(st.lists(st.binary(min_size=message.length, max_size=message.length), min_size=1, max_size=4))
     decoder = BatchDecoder(message)
     ours = decoder.decode(stack(payloads, message.length))
     for row, payload in zip(ours, payloads, strict=True):
         try:
-            theirs = message.decode(payload, decode_choices=False)
+            theirs = by_cantools.decode(payload, decode_choices=False)
         except cantools.database.errors.DecodeError:  # a multiplexor value that no signal has: only the plain ones are there
-            theirs = {s.name: None for s in message.signals if not s.multiplexer_ids}
+            theirs = {s.name: None for s in by_cantools.signals if not s.multiplexer_ids}
         for name, value in zip(decoder.names, row, strict=True):
             if name not in theirs:
                 assert math.isnan(value)
@@ -89,13 +101,13 @@ def test_equal_to_cantools_bit_for_bit(message: Message, data: st.DataObject) ->
 def test_what_does_not_fit_a_float_is_rounded_as_often_as_by_cantools(scale: str, offset: str) -> None:
     """64 bits; cantools takes a number without a point for an integer, and whole numbers where both are."""
     text = f'BU_: T R\n\nBO_ 256 Message: 8 T\n SG_ Wide : 0|64@1- ({scale},{offset}) [0|0] "" R\n'
-    message = cantools.database.load_string(text, "dbc").messages[0]
+    message, by_cantools = read_by_both(text)
     payloads = [
         n.to_bytes(8, "little", signed=True) for n in (2**53 + 1, 2**53 + 3, -(2**55) - 3, 2**60 + 129, 9007199254740539 * 901, -(2**63))
     ]
     ours = BatchDecoder(message).decode(stack(payloads, 8))[:, 0]
     for value, payload in zip(ours, payloads, strict=True):
-        assert _same_bits(value, float(message.decode(payload)["Wide"]))
+        assert _same_bits(value, float(by_cantools.decode(payload)["Wide"]))
 
 
 @pytest.mark.parametrize("bits", [0x7F800001, 0xFF800001, 0x7F800000, 0xFF800000, 0x7F7FFFFF])
@@ -104,19 +116,20 @@ def test_a_float_that_is_no_number_is_decoded_without_a_word(bits: int) -> None:
     text = "BU_: T R\n\nBO_ 256 Message: 12 T\n"
     text += ' SG_ Short : 0|32@1- (3,-100) [0|0] "" R\n SG_ Long : 32|64@1- (12345.678,0) [0|0] "" R\n\n'
     text += "SIG_VALTYPE_ 256 Short : 1;\nSIG_VALTYPE_ 256 Long : 2;\n"
-    message = cantools.database.load_string(text, "dbc").messages[0]
+    message, by_cantools = read_by_both(text)
     payload = bits.to_bytes(4, "little") + bytes(4) + bits.to_bytes(4, "little")
     ours = BatchDecoder(message).decode(stack([payload], 12))[0]
-    theirs = message.decode(payload)
+    theirs = by_cantools.decode(payload)
     assert _same_bits(ours[0], theirs["Short"])
     assert _same_bits(ours[1], theirs["Long"])
 
 
 @given(dbc_messages(), st.data())
-def test_single_payload_extraction_equals_cantools(message: Message, data: st.DataObject) -> None:
+def test_single_payload_extraction_equals_cantools(both: Both, data: st.DataObject) -> None:
+    message, by_cantools = both
     payload = data.draw(st.binary(min_size=message.length, max_size=message.length))
     try:
-        theirs = message.decode(payload, decode_choices=False, scaling=False)
+        theirs = by_cantools.decode(payload, decode_choices=False, scaling=False)
     except cantools.database.errors.DecodeError:
         return
     for signal in message.signals:
@@ -138,7 +151,7 @@ SG_MUL_VAL_ 256 Inner Outer 1-1;
 SG_MUL_VAL_ 256 Leaf Inner 2-3;
 SG_MUL_VAL_ 256 Other Outer 0-0;
 """
-    message = cantools.database.load_string(text, "dbc").messages[0]
+    message, _ = read_by_both(text)
     decoder = BatchDecoder(message, ["Leaf", "Other"])
     payloads = [bytes((selectors, 0xFE, 0xFF, 0, 0, 0, 0, 0)) for selectors in (0x21, 0x31, 0x41, 0x20)]
     leaf, other = decoder.decode(stack(payloads, 8)).T

@@ -92,7 +92,7 @@ def test_turn_rates_of_wheels_need_the_tyres_radius_and_sentinels_are_no_speeds(
     with pytest.raises(EchogridError, match="wheel_radius is missing"):
         MotionReader(load_motion(path), dbc, None, Health())
     motion = MotionReader(load_motion(path), dbc, 0.33, Health())
-    message = dbc.database.get_message_by_name("WheelSpeed")
+    message = cantools.database.load_file(dbc.path, strict=False).get_message_by_name("WheelSpeed")
     rates = {signal.name: 0 for signal in message.signals} | {"WhlRl_W_Meas": 20.0, "WhlRr_W_Meas": 22.0}
     (speed,) = motion.add(frame(message.frame_id, message.encode(rates, strict=False), 1.0), 1)
     assert speed == Speed(1, pytest.approx(21 * 0.33))

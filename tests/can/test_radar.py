@@ -250,10 +250,3 @@ def test_a_mistake_in_a_profile_is_one_sentence(tmp_path: Path, change: tuple[st
     assert str(caught.value).startswith(f"{path}: ")
     assert complaint in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_a_dbc_that_cantools_refuses_is_one_sentence(tmp_path: Path) -> None:
-    path = tmp_path / "bad.dbc"
-    path.write_text('BU_: T R\n\nBO_ 256 Message: 8 T\n SG_ Half : 0|8@1+ (1,0) [0|0 "" R\n')
-    with pytest.raises(EchogridError, match=r"bad.dbc: is not a DBC file that cantools reads: .*line 4"):
-        Dbc(path, tmp_path / "profile.toml")

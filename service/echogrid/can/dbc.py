@@ -1,62 +1,97 @@
-"""DBC files: loading them, and finding what a profile names in them."""
+"""Databases of CAN messages: loading them, and finding what a profile names in them."""
 
 from __future__ import annotations
 
-import re
+import logging
 from collections.abc import Callable
+from functools import lru_cache
+from itertools import combinations
 from pathlib import Path
 
 import fastcrc
-from cantools.database.can import Database, Message
-from cantools.database.can import Signal as DbcSignal
 
+from echogrid.can import dbc_file
+from echogrid.can.database import Database, Message, Ranges, Signal
 from echogrid.can.decode import SignalLayout, fits, layout_of
 from echogrid.errors import EchogridError
 from echogrid.files import read
 
+log = logging.getLogger("echogrid")
+
 LONGEST = 64  # bytes of a frame
 MOST_BYTES = 16 << 20
-ABSURD = re.compile(r"SG_\s+\w+\s+(?:[mM]\w*\s*)?:\s*(?:\d{6,}\s*\||\d+\s*\|\s*\d{6,}\s*@)")  # a signal's start or length
+FOREIGN = (".arxml", ".kcd", ".sym")
+MOST_SAID = 3  # of what is left out
 
 
 class Dbc:
-    """A loaded DBC file; whatever it does not have is an EchogridError that names file, message and signal."""
+    """A loaded database; whatever it does not have, or not soundly, is an EchogridError that names file, message and signal."""
 
     def __init__(self, path: Path, profile: Path) -> None:
         self.path = path
         self.profile = profile
-        self.database = _load(path)
+        self.database = _load(path, read(path, MOST_BYTES))
 
     def message(self, name: str, key: str) -> Message:
         """The message of that name; `key` is where the profile asks for it."""
-        try:
-            message = self.database.get_message_by_name(name)
-        except KeyError:
-            raise EchogridError(f"{self.profile}: {key}: {self.path} has no message '{name}'") from None
+        found = self.database.named(name)
+        if not found:
+            raise EchogridError(f"{self.profile}: {key}: {self.path} has no message '{name}'")
+        for message in found:
+            if message.fault is not None:
+                raise EchogridError(f"{self.path}: {message.fault}")
+        if len(found) > 1:
+            ids = " and ".join(f"0x{message.frame_id:X}" for message in found)
+            raise EchogridError(f"{self.path}: message '{name}' is there {len(found)} times, with the ids {ids}, expected once")
+        message = found[0]
         if message.length > LONGEST:
             raise EchogridError(f"{self.path}: message '{name}' has {message.length} bytes, expected at most {LONGEST}, as CAN FD has")
         return message
 
-    def signal(self, message: Message, name: str, key: str) -> DbcSignal:
-        by_name = {signal.name: signal for signal in message.signals}
-        if name not in by_name:
+    def signal(self, message: Message, name: str, key: str) -> list[Signal]:
+        """The signals of that name, in as many branches as there are."""
+        found = message.named(name)
+        if not found and name not in message.unread:
             raise EchogridError(f"{self.profile}: {key}: message '{message.name}' of {self.path} has no signal '{name}'")
-        chain = [by_name[name]]
-        while (selector := chain[-1].multiplexer_signal) is not None:
-            if selector not in by_name or by_name[selector] in chain:
-                raise EchogridError(f"{self.path}: message '{message.name}': no signal says when '{name}' is present")
-            chain.append(by_name[selector])
-        for signal in chain:
+        self._check_bits(message, name, found)
+        for one, other in combinations(found, 2):
+            if one.selected_by is None or one.selected_by != other.selected_by or _overlap(one.ids or (), other.ids or ()):
+                raise EchogridError(
+                    f"{self.path}: message '{message.name}' has signal '{name}' twice, not in branches that exclude each other"
+                )
+        for signal in found:
+            self._check_selectors(message, signal)
+        return found
+
+    def _check_selectors(self, message: Message, signal: Signal) -> None:
+        seen = {signal.name}
+        selector = signal.selected_by
+        while selector is not None:
+            one = message.named(selector)
+            if len(one) != 1 or selector in seen or one[0].is_float:
+                raise EchogridError(f"{self.path}: message '{message.name}': no signal decides when '{signal.name}' is there")
+            self._check_bits(message, selector, one)
+            seen.add(selector)
+            selector = one[0].selected_by
+
+    def _check_bits(self, message: Message, name: str, signals: list[Signal]) -> None:
+        if name in message.unread:
+            raise EchogridError(f"{self.path}: message '{message.name}': {message.unread[name]}")
+        for signal in signals:
             if not fits(signal, message.length):
                 raise EchogridError(
                     f"{self.path}: message '{message.name}': signal '{signal.name}' of {signal.length} bits from bit {signal.start} on "
                     f"is not a number within its {message.length} bytes"
                 )
-        return by_name[name]
+            if signal.scale == 0:
+                raise EchogridError(f"{self.path}: message '{message.name}': signal '{signal.name}' has the scale 0: it says nothing")
 
     def integer(self, message: Message, name: str, key: str) -> SignalLayout:
         """The layout of a signal that counts or flags something."""
-        layout = layout_of(self.signal(message, name, key))
+        signals = self.signal(message, name, key)
+        if signals[0].selected_by is not None:
+            raise EchogridError(f"{self.profile}: {key}: '{name}' of {self.path} is multiplexed, expected a signal that is in every frame")
+        layout = layout_of(signals[0])
         if layout.is_float:
             raise EchogridError(f"{self.profile}: {key}: '{name}' of {self.path} is a float, expected an integer signal")
         return layout
@@ -97,13 +132,24 @@ def _algorithms(module: object) -> frozenset[str]:
     return frozenset(getattr(module, "algorithms_available", ()))
 
 
-def _load(path: Path) -> Database:
-    text = read(path, MOST_BYTES).decode("cp1252", errors="replace")
-    if ABSURD.search(text):  # cantools makes masks as wide
-        raise EchogridError(f"{path}: a signal starts at bit 100000 or later, or has so many")
-    try:
-        database = Database(strict=False)
-        database.add_dbc_string(text)
-        return database
-    except Exception as error:  # cantools lets errors of its parser's inside through: KeyError, ValueError, AttributeError
-        raise EchogridError(f"{path}: is not a DBC file that cantools reads: {error}") from error
+def _overlap(one: Ranges, other: Ranges) -> bool:
+    return any(a <= d and c <= b for a, b in one for c, d in other)
+
+
+@lru_cache(maxsize=8)  # several radars share a file, and what it leaves out is said once
+def _load(path: Path, data: bytes) -> Database:
+    if path.suffix.lower() in FOREIGN:
+        from echogrid.can import foreign_database  # cantools takes 0.2 s to import, and few have such a file
+
+        database = foreign_database.parse(path, data)
+    else:
+        database = dbc_file.parse(data)
+    if not database.messages:
+        why = f": {database.left_out[0]}" if database.left_out else ""
+        what = f"{path.suffix[1:].upper()} file with messages" if path.suffix.lower() in FOREIGN else "DBC file: it has no message (BO_)"
+        raise EchogridError(f"{path}: is no {what}{why}")
+    if database.left_out:
+        more = len(database.left_out) - MOST_SAID
+        said = "; ".join(database.left_out[:MOST_SAID]) + (f"; and {more} more lines" if more > 0 else "")
+        log.warning("%s: what cannot be read is left out: %s", path, said)
+    return database

@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
-from cantools.database.can import Message
-from cantools.database.can import Signal as DbcSignal
 from numpy.typing import NDArray
+
+from echogrid.can.database import Message, Ranges, Signal
 
 WORD = 8  # bytes read for a signal
 MARGIN = WORD + 1  # zero bytes after a payload, so that no word leaves the row
@@ -48,17 +48,15 @@ class SignalLayout:
         return value - (1 << self.length) if self.is_signed and value >> (self.length - 1) else value
 
 
-def layout_of(signal: DbcSignal) -> SignalLayout:
-    """The layout of a signal as cantools read it from the DBC."""
+def layout_of(signal: Signal) -> SignalLayout:
+    """The layout of a signal as its file describes it."""
     scale, offset = signal.scale, signal.offset
     if float(scale).is_integer() and float(offset).is_integer():
         scale, offset = int(scale), int(offset)
-    if signal.byte_order == "little_endian":
+    if not signal.is_motorola:
         lsb, step = signal.start, 1
     else:
-        # A Motorola signal's DBC start bit is its most significant bit; bits run down within a byte, bytes run up.
-        msb_in_order = 8 * (signal.start // 8) + 7 - signal.start % 8
-        lsb_in_order = msb_in_order + signal.length - 1
+        lsb_in_order = _msb_in_order(signal) + signal.length - 1
         lsb, step = 8 * (lsb_in_order // 8) + 7 - lsb_in_order % 8, -1
     return SignalLayout(
         lsb_byte=lsb // 8,
@@ -72,10 +70,15 @@ def layout_of(signal: DbcSignal) -> SignalLayout:
     )
 
 
-def fits(signal: DbcSignal, length: int) -> bool:
-    """Whether the signal's layout is valid and within `length` bytes; cantools accepts any."""
+def _msb_in_order(signal: Signal) -> int:
+    """A Motorola signal's DBC start bit is its most significant bit; bits run down within a byte, bytes run up."""
+    return 8 * (signal.start // 8) + 7 - signal.start % 8
+
+
+def fits(signal: Signal, length: int) -> bool:
+    """Whether the signal's layout is sound and lies within `length` bytes; files hold any."""
     lengths = (16, 32, 64) if signal.is_float else range(1, 65)
-    first = signal.start if signal.byte_order == "little_endian" else 8 * (signal.start // 8) + 7 - signal.start % 8
+    first = _msb_in_order(signal) if signal.is_motorola else signal.start
     return (
         signal.length in lengths
         and 0 <= first <= 8 * length - signal.length
@@ -89,24 +92,52 @@ def stack(payloads: Sequence[bytes], length: int) -> NDArray[np.uint8]:
     return np.frombuffer(b"".join(payloads), dtype=np.uint8).reshape(-1, length)
 
 
+class Decoded(NamedTuple):
+    """What is in N payloads: (N, signals) each. `raw` is meaningless where not `there`, and for floats; wrapped for unsigned 64 bits."""
+
+    physical: NDArray[np.float64]  # in the DBC's units, NaN where not there
+    raw: NDArray[np.int64]
+    there: NDArray[np.bool_]
+
+
+class _Condition(NamedTuple):
+    """A column's signal is there where the selector's column has a value within one of the ranges."""
+
+    column: int
+    selector: int
+    ids: Ranges
+
+
 class BatchDecoder:
     """Decodes chosen signals of one message from many payloads: (N, length) uint8 in, (N, signals) float64 out.
 
-    Equal bit for bit to cantools' numbers as float64. A signal that the payload's multiplexor leaves out is NaN.
+    Equal bit for bit to cantools' numbers as float64. A signal that the payload's multiplexor leaves out is NaN; one that is defined in
+    several branches is that of the branch which is there.
     """
 
     def __init__(self, message: Message, names: Iterable[str] | None = None) -> None:
         """Raises KeyError with the name of a signal that the message does not have."""
-        by_name = {signal.name: signal for signal in message.signals}
-        self.names = tuple(by_name if names is None else names)
+        self.names = tuple(dict.fromkeys(signal.name for signal in message.signals)) if names is None else tuple(names)
         self.length = message.length
-        conditions = {name: _conditions(by_name[name], by_name) for name in self.names}
-        selectors = {selector for chain in conditions.values() for selector, _ in chain} - set(self.names)
-        columns = [*self.names, *sorted(selectors)]
-        self.layouts = tuple(layout_of(by_name[name]) for name in columns)
+        by_name = {signal.name: signal for signal in reversed(message.signals)}
+        columns = [by_name[name] for name in self.names]
+        self._branches: list[tuple[int, int]] = []  # column of a name, column of the same name in another branch
+        for column, name in enumerate(self.names):
+            for other in message.named(name)[1:]:
+                self._branches.append((column, len(columns)))
+                columns.append(other)
+        place = {name: column for column, name in enumerate(self.names)}
+        for signal in columns:  # grows with the selectors of selectors
+            if signal.selected_by is not None and signal.selected_by not in place:
+                place[signal.selected_by] = len(columns)
+                columns.append(by_name[signal.selected_by])
         self._conditions = [
-            (columns.index(name), columns.index(selector), ids) for name, chain in conditions.items() for selector, ids in chain
+            _Condition(column, place[above.selected_by], above.ids or ())
+            for column, signal in enumerate(columns)
+            for above in _chain(signal, by_name)
+            if above.selected_by is not None
         ]
+        self.layouts = tuple(layout_of(signal) for signal in columns)
         self._compile()
 
     def _compile(self) -> None:
@@ -140,14 +171,30 @@ class BatchDecoder:
         words &= self._mask
         return words
 
-    def integers(self, bits: NDArray[np.uint64]) -> NDArray[np.int64]:
-        """(N, columns) raw values, sign-extended; meaningless in the columns of float signals, wrapped for unsigned 64-bit ones."""
-        return ((bits ^ self._sign) - self._sign).view(np.int64)
+    def decoded(self, payloads: NDArray[np.uint8]) -> Decoded:
+        """All there is to say of the payloads."""
+        bits = self.bits(payloads)
+        raw = ((bits ^ self._sign) - self._sign).view(np.int64)
+        values = self._physical(bits, raw)
+        there = np.ones(values.shape, dtype=np.bool_)
+        for column, selector, ids in self._conditions:
+            chosen = np.trunc(values[:, selector])
+            there[:, column] &= np.logical_or.reduce([(first <= chosen) & (chosen <= last) for first, last in ids])
+        if self._conditions:
+            values[~there] = np.nan
+        for column, other in self._branches:
+            rows = there[:, other]
+            for array in (values, raw, there):
+                array[rows, column] = array[rows, other]
+        count = len(self.names)
+        return Decoded(values[:, :count], raw[:, :count], there[:, :count])
 
-    def physical(self, bits: NDArray[np.uint64]) -> NDArray[np.float64]:
-        """(N, columns) physical values in the DBC's units."""
-        integers = self.integers(bits)
-        values = integers.astype(np.float64)
+    def decode(self, payloads: NDArray[np.uint8]) -> NDArray[np.float64]:
+        """(N, signals) physical values in the DBC's units, in the order of `names`."""
+        return self.decoded(payloads).physical
+
+    def _physical(self, bits: NDArray[np.uint64], raw: NDArray[np.int64]) -> NDArray[np.float64]:
+        values = raw.astype(np.float64)
         for column in self._unsigned64:
             values[:, column] = bits[:, column]
         with np.errstate(over="ignore", invalid="ignore"):  # any bits may be a float's: infinite and NaN are answers
@@ -156,14 +203,8 @@ class BatchDecoder:
             values *= self._scale
             values += self._offset
         for column in self._big:
-            values[:, column] = self._exactly(column, bits[:, column], integers[:, column])
-        for column, selector, ids in self._conditions:
-            values[~np.isin(np.trunc(values[:, selector]), ids), column] = np.nan
+            values[:, column] = self._exactly(column, bits[:, column], raw[:, column])
         return values
-
-    def decode(self, payloads: NDArray[np.uint8]) -> NDArray[np.float64]:
-        """(N, signals) physical values in the DBC's units, in the order of `names`."""
-        return self.physical(self.bits(payloads))[:, : len(self.names)]
 
     def _exactly(self, column: int, bits: NDArray[np.uint64], integers: NDArray[np.int64]) -> list[float]:
         """In Python's numbers, whose integers are not rounded."""
@@ -172,12 +213,11 @@ class BatchDecoder:
         return [float(value * layout.scale + layout.offset) for value in raw]
 
 
-def _conditions(signal: DbcSignal, by_name: dict[str, DbcSignal]) -> list[tuple[str, Any]]:
-    """(selector, values of it under which the signal is there), up through nested multiplexors."""
-    chain = []
-    while signal.multiplexer_ids is not None and signal.multiplexer_signal is not None:
-        chain.append((signal.multiplexer_signal, np.array(sorted(signal.multiplexer_ids))))
-        signal = by_name[signal.multiplexer_signal]
+def _chain(signal: Signal, by_name: dict[str, Signal]) -> list[Signal]:
+    """The signal and the selectors above it, as far as their chain goes without a circle."""
+    chain = [signal]
+    while (above := chain[-1].selected_by) is not None and by_name[above] not in chain:
+        chain.append(by_name[above])
     return chain
 
 
@@ -188,4 +228,5 @@ def _may_exceed_float(layout: SignalLayout) -> bool:
 
 def same_layout(one: BatchDecoder, other: BatchDecoder) -> bool:
     """Whether the two decode every payload alike, whatever their signals are called."""
-    return one.length == other.length and one.layouts == other.layouts and one._conditions == other._conditions
+    keys = ("length", "layouts", "_conditions", "_branches")
+    return all(getattr(one, key) == getattr(other, key) for key in keys)

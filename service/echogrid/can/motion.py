@@ -6,9 +6,9 @@ import math
 from dataclasses import replace
 
 import can
-from cantools.database.can import Message
 
 from echogrid.can.cadence import JUMP, Cadence
+from echogrid.can.database import Message
 from echogrid.can.dbc import Checksum, Dbc
 from echogrid.can.decode import SignalLayout
 from echogrid.can.profile import FrameCrc, MotionProfile

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from cantools.database.can import Message
 from numpy.typing import NDArray
 
+from echogrid.can.database import Message
 from echogrid.can.dbc import Dbc
 from echogrid.can.decode import BatchDecoder, same_layout, stack
 from echogrid.can.profile import Quantity, Valid
@@ -62,17 +62,16 @@ class QuantityReader:
     @np.errstate(over="ignore", invalid="ignore")  # of floats that are garbage
     def read(self, payloads: Sequence[bytes]) -> dict[str, Floats]:
         """(N * per_frame,) SI values of each quantity, frame by frame; NaN where it is absurd or not valid, by its own flag or all."""
-        bits = self._decoder.bits(stack(payloads, self._decoder.length))
-        values = self._by_template(self._decoder.physical(bits))
-        raw = self._by_template(self._decoder.integers(bits))
-        everywhere = None if self.valid is None else self._flagged(self.valid, raw)
+        physical, raw_, there_ = self._decoder.decoded(stack(payloads, self._decoder.length))
+        values, raw, there = self._by_template(physical), self._by_template(raw_), self._by_template(there_)
+        everywhere = None if self.valid is None else self._flagged(self.valid, raw, there)
         out = {}
         for name, quantity in self.quantities.items():
             value = values[self._row[quantity.signal]] * quantity.factor + quantity.offset
             if quantity.negative_if is not None:
-                value = np.where(self._flagged(quantity.negative_if, raw), -value, value)
+                value = np.where(self._flagged(quantity.negative_if, raw, there), -value, value)
             if quantity.valid is not None:
-                value[~self._flagged(quantity.valid, raw)] = np.nan
+                value[~self._flagged(quantity.valid, raw, there)] = np.nan
             if everywhere is not None:
                 value[~everywhere] = np.nan
             value[~(np.abs(value) < GREATEST)] = np.nan
@@ -81,15 +80,17 @@ class QuantityReader:
 
     def _by_template(self, columns: NDArray[Any]) -> NDArray[Any]:
         """(N, columns) to (templates, N * per_frame)."""
-        signals = columns[:, : len(self._decoder.names)]
-        return signals.reshape(-1, len(self._row), self.per_frame).transpose(1, 0, 2).reshape(len(self._row), -1)
+        return columns.reshape(-1, len(self._row), self.per_frame).transpose(1, 0, 2).reshape(len(self._row), -1)
 
-    def _flagged(self, flag: Valid, raw: NDArray[np.int64]) -> NDArray[np.bool_]:
+    def _flagged(self, flag: Valid, raw: NDArray[np.int64], there: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Where the flag is there and holds."""
         values = raw[self._row[flag.signal]]
         found = np.zeros(values.shape, dtype=np.bool_)
         for number in flag.one_of or flag.none_of:  # numpy's isin takes ten times as long for the few that there are
             found |= values == number
-        return found if flag.one_of else ~found
+        holds = found if flag.one_of else ~found
+        holds &= there[self._row[flag.signal]]
+        return holds
 
 
 def fill(template: str, key: str, dbc: Dbc, **numbers: int) -> str:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import can
 import numpy as np
-from cantools.database.can import Message
 
 from echogrid.can.cadence import Cadence
+from echogrid.can.database import Message
 from echogrid.can.dbc import Checksum, Dbc
 from echogrid.can.decode import SignalLayout
 from echogrid.can.profile import Detections, RadarProfile
