@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -21,38 +22,37 @@ YAML = (
 
 
 def reference(picture: Path, mode: str, negate: bool, occupied: float, free: float) -> list[list[int]]:
-    """Cells (H, W), lowest y first. Pillow's pixels as tuples, alpha last where there is one."""
+    """Cells (H, W), lowest y first, one at a time after nav2's map_io of Jazzy 1.3.7 and later; floats of 32 bits, as there."""
+    single = np.float32
     with Image.open(picture) as image:
-        alpha = image.mode in ("LA", "RGBA")
-        plain = image.convert("RGBA" if alpha else "RGB")
+        plain = image.convert("RGBA")
         rows = []
         for y in reversed(range(plain.height)):
             row = []
             for x in range(plain.width):
-                channels = list(plain.getpixel((x, y)))
-                opaque = not alpha or channels[3] == 255
-                if alpha and mode != "trinary":
-                    channels.pop()
-                shade = sum(channels) / len(channels) / 255
-                occ = shade if negate else 1 - shade
+                red, green, blue, alpha = (Fraction(channel) for channel in plain.getpixel((x, y)))
+                wide = math.floor((299 * red + 587 * green + 114 * blue) * 257 / 1000 + Fraction(1, 2))
+                level = wide // 257
+                occ = single(level) / single(255) if negate else single(1) - single(level) / single(255)
                 if mode == "raw":
-                    level = math.floor(shade * 255 + 0.5)
-                    row.append(level if 0 <= level <= 100 else -1)
-                elif mode == "scale" and not opaque:
+                    row.append(level if level <= 100 else -1)
+                elif alpha < 255:
                     row.append(-1)
-                elif occ > occupied:
-                    row.append(100)
-                elif occ < free:
+                elif occ <= single(free):
                     row.append(0)
+                elif occ >= single(occupied):
+                    row.append(100)
+                elif mode == "trinary":
+                    row.append(-1)
                 else:
-                    row.append(-1 if mode == "trinary" else round((occ - free) / (occupied - free) * 100))
+                    row.append(math.floor((occ - single(free)) / (single(occupied) - single(free)) * single(100) + single(0.5)))
             rows.append(row)
     return rows
 
 
 @pytest.mark.parametrize("kind", ["L", "RGB", "RGBA", "LA", "P", "1"])
 @pytest.mark.parametrize("mode", map_server.MODES)
-@pytest.mark.parametrize(("negate", "occupied", "free"), [(0, 0.65, 0.25), (1, 0.65, 0.196), (0, 0.9, 0.0)])
+@pytest.mark.parametrize(("negate", "occupied", "free"), [(0, 0.65, 0.25), (1, 0.65, 0.196), (0, 0.9, 0.0), (0, 0.5, 0.5)])
 def test_pictures_are_read_as_nav2_reads_them(tmp_path: Path, kind: str, mode: str, negate: int, occupied: float, free: float) -> None:
     rng = np.random.default_rng(len(kind) + negate)
     colours = rng.integers(0, 256, (12, 23, 4), dtype=np.uint8)
@@ -76,6 +76,70 @@ def test_pictures_are_read_as_nav2_reads_them(tmp_path: Path, kind: str, mode: s
     known = expected >= 0
     p = np.clip(expected[known] / 100, 1 / (1 + math.exp(3.5)), 1 / (1 + math.exp(-3.5)))
     np.testing.assert_allclose(probability(read.log_odds[known].astype(float)), p, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["png", "pgm", "tiff"])
+def test_pictures_of_16_bits_are_those_of_8(tmp_path: Path, kind: str) -> None:
+    """Levels that GraphicsMagick cuts to the same 8 bits are the same cells."""
+    levels = np.random.default_rng(5).integers(0, 256, (7, 11), dtype=np.uint16)
+    Image.fromarray(levels.astype(np.uint8)).save(tmp_path / "eight.png")
+    wide = levels * 257 + np.random.default_rng(6).integers(0, 257, levels.shape, dtype=np.uint16) * (levels < 255)
+    if kind == "pgm":
+        (tmp_path / "wide.pgm").write_bytes(b"P5 11 7 65535\n" + wide.astype(">u2").tobytes())
+    else:
+        Image.fromarray(wide).save(tmp_path / f"wide.{kind}")
+    for mode in map_server.MODES:
+        cells = []
+        for picture in ("eight.png", f"wide.{kind}"):
+            text = YAML.format(mode=mode, negate=0, occupied=0.65, free=0.25).replace("map.png", picture)
+            (tmp_path / "map.yaml").write_text(text)
+            cells.append(map_server.read(tmp_path / "map.yaml").log_odds)
+        np.testing.assert_array_equal(cells[0], cells[1])
+
+
+@pytest.mark.parametrize(("alpha", "expected"), [(255, [100, 0, -1]), (254, [-1, -1, -1]), (0, [-1, -1, -1])])
+@pytest.mark.parametrize("kind", ["RGBA", "LA", "P"])
+def test_an_opaque_alpha_changes_nothing_and_what_shines_through_is_unknown(
+    tmp_path: Path, kind: str, alpha: int, expected: list[int]
+) -> None:
+    """An editor saves alpha beside the greys of a saver, and erases to transparent black."""
+    grey = Image.fromarray(np.array([[0, 254, 205]], np.uint8))
+    if kind == "P":
+        picture = grey.convert("P", palette=Image.Palette.ADAPTIVE)
+        picture.save(tmp_path / "map.png", transparency=bytes([alpha] * 3))
+    else:
+        Image.merge("LA", (grey, Image.new("L", grey.size, alpha))).convert(kind).save(tmp_path / "map.png")
+    (tmp_path / "map.yaml").write_text(YAML.format(mode="trinary", negate=0, occupied=0.65, free=0.196))
+    header = map_server.read_header(tmp_path / "map.yaml")
+    assert map_server.cells_of(*map_server.load_picture(header.image), header).tolist() == [expected]
+
+
+def test_a_grey_on_a_threshold_belongs_to_it_and_colours_count_as_the_eye_sees_them(tmp_path: Path) -> None:
+    """Nav2's `>=` and `<=`; pure green has the luma 149, yellow 225."""
+    header = map_server.Header(tmp_path, "trinary", 0.05, (0.0, 0.0), False, 0.8, 0.2)
+    opaque = np.ones((1, 2), dtype=bool)
+    assert map_server.cells_of(np.array([[51, 204]], np.uint8), opaque, header).tolist() == [[100, 0]]
+    assert map_server.luma(np.array([[[0, 255, 0], [255, 255, 0]]], np.uint8)).tolist() == [[149, 225]]
+    every = np.arange(256, dtype=np.uint8)
+    np.testing.assert_array_equal(map_server.luma(np.stack((every, every, every), axis=-1)), every)
+
+
+@pytest.mark.parametrize(
+    ("written", "negate"),
+    [("0", False), ("1", True), ("2", True), ("-1", True), ("no", False), ("YES", True), ("Off", False), ("y", True), ("'true'", True)],
+)
+def test_yaml_as_yaml_has_it(tmp_path: Path, written: str, negate: bool) -> None:
+    """Words for truth, any case of a mode, a byte order mark, a list over lines, anchors, keys of others with whatever they hold."""
+    Image.fromarray(np.array([[0, 254]], np.uint8)).save(tmp_path / "map.png")
+    text = (
+        'site: &here\n  floor: 2\n  tags: [a, b]\nimage: "map.png"  # beside\nresolution: +.25\norigin: [-1.0,\n  -2.0, 0.0]\n'
+        f"negate: {written}\noccupied_thresh: 65e-2\nfree_thresh: .196\nmode: SCALE\nnote: |\n  image: no.png\n  negate: 1\nmore: *here\n"
+        "---\nimage: second.png\n"
+    )
+    for data in (text.encode(), text.encode("utf-8-sig"), text.encode("utf-16"), text.replace("\n", "\r\n").encode()):
+        (tmp_path / "map.yaml").write_bytes(data)
+        header = map_server.read_header(tmp_path / "map.yaml")
+        assert header == map_server.Header(tmp_path / "map.png", "scale", 0.25, (-1.0, -2.0), negate, 0.65, 0.196)
 
 
 def log_odds() -> np.ndarray:
@@ -145,10 +209,14 @@ def test_yaml_as_other_savers_write_it(tmp_path: Path) -> None:
         ),
         (", 0.0]", "]", "map.yaml: origin: found 2 numbers, expected three: x, y, yaw"),
         ("0.0]", ".nan]", "map.yaml: origin: found '.nan', expected a number"),
-        ("negate: 0", "negate: 7", "map.yaml: negate: found '7', expected 0 or 1"),
-        ("free_thresh: 0.2", "free_thresh: 0.8", "free_thresh, occupied_thresh: found 0.8 and 0.65, expected 0 <= free < occupied <= 1"),
-        ("mode: raw", "mode raw", "map.yaml: line 2: found 'mode raw', expected 'key: value' as map_server writes it"),
-        ("mode: raw", "mode: \udcff", "map.yaml: is not a text file (byte "),
+        ("negate: 0", "negate: maybe", "map.yaml: negate: found 'maybe', expected 0 or 1"),
+        ("negate: 0", "negate: tRUE", "map.yaml: negate: found 'tRUE', expected 0 or 1"),
+        ("negate: 0", "negate: 0\nnegate: 1", "map.yaml: the key 'negate' is there 2 times, expected once"),
+        ("origin: [1.5, -2.0, 0.0]", "origin: 1.5", "map.yaml: the key 'origin' is missing, expected a list of numbers"),
+        ("free_thresh: 0.2", "free_thresh: 0.8", "free_thresh, occupied_thresh: found 0.8 and 0.65, expected 0 <= free <= occupied <= 1"),
+        ("mode: raw", "mode raw", "map.yaml: is no yaml: "),
+        ("mode: raw", "mode: \udcff", "map.yaml: is no yaml: "),
+        ("mode: raw", "mode: " + "[" * 5000, "map.yaml: is no yaml that map_server writes: it is nested too deeply"),
     ],
 )
 def test_what_is_no_map_is_one_sentence(tmp_path: Path, old: str, new: str, complaint: str) -> None:
@@ -165,8 +233,11 @@ def test_what_is_no_map_is_one_sentence(tmp_path: Path, old: str, new: str, comp
 
 def test_pictures_that_cannot_be_cells_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "map.yaml").write_text(YAML.format(mode="raw", negate=0, occupied=0.65, free=0.2))
-    Image.fromarray(np.zeros((4, 4), np.uint16)).save(tmp_path / "map.png")
-    with pytest.raises(EchogridError, match="its pixels are 'I;16', expected grey or colours of 8 bits"):
+    Image.fromarray(np.zeros((4, 4), np.float32)).save(tmp_path / "map.png", format="TIFF")
+    with pytest.raises(EchogridError, match="its pixels are 'F', expected grey or colours of 8 or 16 bits"):
+        map_server.read(tmp_path / "map.yaml")
+    Image.fromarray(np.full((4, 4), 1 << 16, np.int32)).save(tmp_path / "map.png", format="TIFF")
+    with pytest.raises(EchogridError, match="its grey levels have more than 16 bits"):
         map_server.read(tmp_path / "map.yaml")
     whole = Image.fromarray(np.random.default_rng(0).integers(0, 256, (64, 64), dtype=np.uint8))
     whole.save(tmp_path / "map.png")

@@ -24,12 +24,13 @@ from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
 from echogrid.live.service import Service
 from echogrid.pipeline import Pipeline
-from echogrid.topics.announcer import Announcer, Snapshots
+from echogrid.topics.announcer import Announcer, Snapshots, occupancy_percent, trinary
 from echogrid.topics.diagnostic_array import decode_diagnostics
 from echogrid.topics.diagnostics import diagnostics
+from echogrid.topics.grids import decode_grid
 from echogrid.topics.points import decode_points
 from echogrid.topics.poses import decode_odometry, decode_transforms
-from echogrid.topics.topic import DETECTIONS, DIAGNOSTICS, ODOMETRY, STATUS, TOPICS, TRANSFORM, Message
+from echogrid.topics.topic import DETECTIONS, DIAGNOSTICS, KEY, ODOMETRY, STATUS, TOPICS, TRANSFORM, TRINARY, Message
 
 MS = 1_000_000
 EMPTY = SimpleNamespace(map=OccupancyMap(GridSpec(16, 0.25)), epoch=3)  # all that is asked of a Mapper
@@ -110,3 +111,50 @@ def test_a_sink_that_is_full_is_told_of_once_and_the_others_go_on(pipeline: Pipe
     assert endless == messages
     assert full.taken == messages[:2]
     assert [record.getMessage() for record in caplog.records] == ["out.mcap: No space left on device; continuing without it"]
+
+
+FREE, INSCRIBED, LETHAL, UNKNOWN = 0, 253, 254, 255  # of nav2_costmap_2d
+
+
+def static_layer(data: list[int], lethal: int = 100, track_unknown: bool = False, inscribed: int | None = None) -> list[int]:
+    """Costs of a map's cells as Nav2's static layer makes them in its default of trinary costs: a model of the rule of
+    StaticLayer::interpretValue. `inscribed` is 99 from Lyrical on."""
+    costs = []
+    for cell in data:
+        value = cell % 256  # an int8 is read as an unsigned one
+        if value == 255:
+            costs.append(UNKNOWN if track_unknown else FREE)
+        elif value == inscribed:
+            costs.append(INSCRIBED)
+        else:
+            costs.append(LETHAL if value >= lethal else FREE)
+    return costs
+
+
+@given(st.lists(st.floats(-3.5, 3.5, width=32), min_size=1, max_size=60), st.sampled_from((None, 99)))
+def test_nav2_and_amcl_see_obstacles_with_their_defaults(log_odds: list[float], inscribed: int | None) -> None:
+    percent = occupancy_percent(np.array([log_odds], dtype=np.float32))
+    p = [1 / (1 + math.exp(-value)) for value in log_odds]
+    surely = [value for value in p if abs(value - 0.65) > 0.005 and abs(value - 0.195) > 0.006]  # a percent is rounded
+    cells = trinary(percent)[0].tolist()
+    costs = static_layer(cells, inscribed=inscribed, track_unknown=True)
+    for value, known, cell, cost in zip(p, log_odds, cells, costs, strict=True):
+        if value in surely:
+            assert (cost == LETHAL) == (cell == 100) == (value > 0.65)  # AMCL: occupied
+            assert (cost == FREE) == (cell == 0) == (value < 0.195)  # AMCL: free
+        if known == 0:
+            assert cost == UNKNOWN
+    graded = static_layer(percent[0].tolist(), lethal=65, track_unknown=True, inscribed=inscribed)
+    assert [cost in (LETHAL, INSCRIBED) for cost in graded] == [cost == LETHAL for cost in costs]
+
+
+def test_the_trinary_map_is_that_of_the_key_frame(pipeline: Pipeline) -> None:
+    grid = OccupancyMap(GridSpec(16, 0.25))
+    grid.integrate(np.linspace(-3, 3, 256).reshape(16, 16), SE2(0, 0, 0))
+    snapshot = Snapshots().take(SimpleNamespace(map=grid, epoch=3), updated(77, SE2(0, 0, 0), np.zeros((0, 2))), Publish())
+    assert snapshot is not None
+    told = {message.topic: message for message in Announcer(pipeline.config, "").map(snapshot)}
+    key, sure = decode_grid(told[KEY].payload), decode_grid(told[TRINARY].payload)
+    assert (told[KEY].keyframe, key.stamp_ns, key.origin, key.cell) == (told[TRINARY].keyframe, sure.stamp_ns, sure.origin, sure.cell)
+    assert set(np.unique(sure.occupancy)) == {-1, 0, 100}
+    np.testing.assert_array_equal(sure.occupancy, trinary(key.occupancy))

@@ -1,11 +1,13 @@
 """A map as ROS map_server keeps it: a yaml file beside a picture.
 
-Pixels become cells as nav2_map_server's map_io makes them, in its three modes. A cell (of `nav_msgs/OccupancyGrid`) is 100 * p(occupied),
-0 … 100, or -1 for unknown:
+Pixels become cells as nav2_map_server's map_io makes them since its change to Eigen (commit 8d6948330 of April 2025: Jazzy from 1.3.7 on,
+Kilted, Lyrical), in its three modes. A cell (of `nav_msgs/OccupancyGrid`) is 100 * p(occupied), 0 … 100, or -1 for unknown:
 
-    trinary  0, 100 or -1: free, occupied, unknown; of a probability only its side of two thresholds is left
-    scale    0 … 100 as grey of 255 levels; unknown is what is not opaque, so the picture is a PNG
-    raw      the grey level is the cell, 255 is unknown
+    trinary  0, 100 or -1: free, occupied, unknown; all that is left of a probability is on which side of two thresholds it lies
+    scale    0 … 100 as grey of 255 levels
+    raw      the grey level is the cell, what is above 100 is unknown
+
+In trinary and scale, what is not opaque is unknown.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import yaml as pyyaml
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -33,6 +36,7 @@ OCCUPIED, FREE, UNKNOWN = 0, 254, 205  # grey levels of trinary
 CLAMP = 3.5  # log-odds of what a file calls sure
 MOST_YAML = 64 << 10  # bytes
 MODES = tuple(THRESHOLDS)
+TRUTH = {"y": True, "yes": True, "true": True, "on": True, "n": False, "no": False, "false": False, "off": False}
 
 
 def picture_path(yaml: Path, mode: str) -> Path:
@@ -65,8 +69,8 @@ def pixels_of(log_odds: LogOdds, mode: str) -> Pixels:
         return np.stack((grey, grey, grey, np.where(known, 255, 0).astype(np.uint8)), axis=-1)
     occupied, free = THRESHOLDS[mode]
     grey = np.full(p.shape, UNKNOWN, dtype=np.uint8)
-    grey[(p > occupied) & known] = OCCUPIED
-    grey[(p < free) & known] = FREE
+    grey[(p >= occupied) & known] = OCCUPIED
+    grey[(p <= free) & known] = FREE
     return grey
 
 
@@ -76,8 +80,7 @@ def read(yaml: Path) -> DenseMap:
     Raises EchogridError for what nav2_map_server would refuse, a rotated origin, a file that is not a picture, and more than MOST_CELLS.
     """
     header = read_header(yaml)
-    pixels, alpha = load_picture(header.image)
-    return DenseMap(log_odds_of(cells_of(pixels, alpha, header)), header.origin, header.cell)
+    return DenseMap(log_odds_of(cells_of(*load_picture(header.image), header)), header.origin, header.cell)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,23 +96,21 @@ class Header:
     free: float
 
 
-def cells_of(pixels: NDArray[np.uint8], alpha: bool, header: Header) -> Cells:
-    """(H, W, C) colours, the last one alpha where there is one, as nav2_map_server reads them; the last row becomes the first."""
-    colours = pixels[..., :-1] if alpha else pixels
-    # In mode trinary alpha counts as one more colour.
-    shade = (pixels if alpha and header.mode == "trinary" else colours).mean(axis=-1, dtype=np.float64) / 255
-    if header.mode == "raw":
-        level = np.rint(shade * 255)  # `negate` says nothing here
-        return np.where(level <= 100, level, -1).astype(np.int8)[::-1]
-    occupied = shade if header.negate else 1 - shade
+def cells_of(grey: NDArray[np.uint8], opaque: NDArray[np.bool_], header: Header) -> Cells:
+    """(H, W) grey and whether a pixel is opaque, as nav2_map_server reads them; the last row becomes the first."""
+    if header.mode == "raw":  # neither `negate` nor alpha says anything here
+        return np.where(grey <= 100, grey, -1).astype(np.int8)[::-1]
+    # In the precision of Nav2, so that a grey level on a threshold falls to the same side.
+    shade = grey.astype(np.float32) / np.float32(255)
+    occupied = shade if header.negate else np.float32(1) - shade
+    highest, lowest = np.float32(header.occupied), np.float32(header.free)
+    cells = np.full(grey.shape, -1.0, dtype=np.float32)
+    cells[occupied >= highest] = 100
+    cells[occupied <= lowest] = 0  # of one that is both
     if header.mode == "scale":
-        cells = np.rint((occupied - header.free) / (header.occupied - header.free) * 100)
-        unknown = pixels[..., -1] != 255 if alpha else np.zeros(shade.shape, dtype=bool)
-    else:
-        cells = np.full(shade.shape, -1.0)
-        unknown = np.zeros(shade.shape, dtype=bool)
-    cells = np.where(occupied > header.occupied, 100, np.where(occupied < header.free, 0, cells))
-    return np.where(unknown, -1, cells).astype(np.int8)[::-1]
+        between = (occupied > lowest) & (occupied < highest)
+        cells[between] = np.floor((occupied[between] - lowest) / (highest - lowest) * np.float32(100) + np.float32(0.5))
+    return np.where(opaque, cells, -1).astype(np.int8)[::-1]
 
 
 def log_odds_of(cells: Cells) -> LogOdds:
@@ -122,77 +123,112 @@ def log_odds_of(cells: Cells) -> LogOdds:
 
 
 def read_header(yaml: Path) -> Header:
-    """Reads the yaml that map_server and its savers write: `key: value` lines, a list in brackets or one item a line."""
-    try:
-        text = read_file(yaml, MOST_YAML).decode()
-    except UnicodeDecodeError as error:
-        raise EchogridError(f"{yaml}: is not a text file (byte {error.start} is not UTF-8)") from error
-    fields = _fields(yaml, text)
-    for key in ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh"):
-        if key not in fields:
-            raise EchogridError(f"{yaml}: the key '{key}' is missing, expected the yaml file of a map_server map")
-    mode = fields.get("mode", "trinary")
-    if mode not in MODES:
-        raise EchogridError(f"{yaml}: mode: found '{mode}', expected one of {', '.join(MODES)}")
-    origin = [_number(yaml, "origin", item) for item in fields["origin"].strip("[]").split(",")]
+    """Reads the keys of map_server in a yaml file; what else it holds is nobody's. Raises EchogridError."""
+    fields = _Fields(yaml, read_file(yaml, MOST_YAML))
+    image = fields.text("image")
+    origin = fields.numbers("origin")
     if len(origin) != 3:
         raise EchogridError(f"{yaml}: origin: found {len(origin)} numbers, expected three: x, y, yaw")
     if origin[2] != 0:
         raise EchogridError(
             f"{yaml}: origin: found the yaw {origin[2]:g}, expected 0: write 0 there, import the map, rotate it with `echogrid map merge`"
         )
-    cell, occupied, free = (_number(yaml, key, fields[key]) for key in ("resolution", "occupied_thresh", "free_thresh"))
+    cell = fields.number("resolution")
     if cell <= 0:
         raise EchogridError(f"{yaml}: resolution: found {cell:g}, expected metres above 0")
-    if not 0 <= free < occupied <= 1:
-        raise EchogridError(f"{yaml}: free_thresh, occupied_thresh: found {free:g} and {occupied:g}, expected 0 <= free < occupied <= 1")
-    truth = {"0": False, "1": True, "false": False, "true": True}
-    negate = fields["negate"].lower()
-    if negate not in truth:
-        raise EchogridError(f"{yaml}: negate: found '{negate}', expected 0 or 1")
-    return Header(yaml.parent / fields["image"], mode, cell, (origin[0], origin[1]), truth[negate], occupied, free)
+    occupied, free = fields.number("occupied_thresh"), fields.number("free_thresh")
+    if not 0 <= free <= occupied <= 1:
+        raise EchogridError(f"{yaml}: free_thresh, occupied_thresh: found {free:g} and {occupied:g}, expected 0 <= free <= occupied <= 1")
+    mode = fields.text("mode", MODES[0]).lower()
+    if mode not in MODES:
+        raise EchogridError(f"{yaml}: mode: found '{mode[:40]}', expected one of {', '.join(MODES)}")
+    return Header(yaml.parent / image, mode, cell, (origin[0], origin[1]), fields.truth("negate"), occupied, free)
 
 
-def _fields(yaml: Path, text: str) -> dict[str, str]:
-    fields: dict[str, str] = {}
-    key = ""
-    for number, line in enumerate(text.splitlines(), start=1):
-        line = re.sub(r"(^|\s)#.*", "", line).rstrip()
-        item = re.fullmatch(r"\s*-\s+(.*)", line)
-        if item and key and not fields[key].endswith("]"):
-            fields[key] = f"{fields[key]},{item[1]}".lstrip(",")
-            continue
-        pair = re.fullmatch(r"(\w+)\s*:(?:\s+(.*))?", line)
-        if pair:
-            key = pair[1]
-            fields[key] = (pair[2] or "").strip().strip("'\"")
-        elif line not in ("", "---", "..."):
-            raise EchogridError(f"{yaml}: line {number}: found '{line[:40]}', expected 'key: value' as map_server writes it")
-    return fields
+class _Fields:
+    """The top level of a yaml file, its first document, with the values as they are written."""
+
+    def __init__(self, yaml: Path, data: bytes) -> None:
+        self.yaml = yaml
+        try:
+            loader = pyyaml.BaseLoader(data)
+            top = loader.get_node() if loader.check_node() else None
+        except RecursionError as error:
+            raise EchogridError(f"{yaml}: is no yaml that map_server writes: it is nested too deeply") from error
+        except (pyyaml.YAMLError, UnicodeDecodeError) as error:
+            raise EchogridError(f"{yaml}: is no yaml: {' '.join(str(error).split())[:200]}") from error
+        if not isinstance(top, pyyaml.MappingNode):
+            raise EchogridError(f"{yaml}: holds no keys, expected the yaml file of a map_server map")
+        self.nodes = top.value
+
+    def text(self, key: str, default: str | None = None) -> str:
+        """One word or number."""
+        node = self._node(key)
+        if node is None and default is not None:
+            return default
+        if not isinstance(node, pyyaml.ScalarNode) or not node.value:
+            raise EchogridError(f"{self.yaml}: the key '{key}' is missing, expected the yaml file of a map_server map")
+        return str(node.value)
+
+    def number(self, key: str) -> float:
+        """A finite number."""
+        return self._finite(key, self.text(key))
+
+    def numbers(self, key: str) -> list[float]:
+        """A list of finite numbers."""
+        node = self._node(key)
+        if not isinstance(node, pyyaml.SequenceNode):
+            raise EchogridError(f"{self.yaml}: the key '{key}' is missing, expected a list of numbers")
+        return [self._finite(key, item.value if isinstance(item, pyyaml.ScalarNode) else "") for item in node.value]
+
+    def truth(self, key: str) -> bool:
+        """A whole number, of which 0 is false, or one of yaml's words."""
+        text = self.text(key)
+        if re.fullmatch(r"[-+]?\d+", text, re.ASCII):
+            return int(text) != 0
+        if text not in (text.lower(), text.upper(), text.capitalize()) or text.lower() not in TRUTH:
+            raise EchogridError(f"{self.yaml}: {key}: found '{text[:40]}', expected 0 or 1")
+        return TRUTH[text.lower()]
+
+    def _node(self, key: str) -> object:
+        found = [value for name, value in self.nodes if name.value == key]
+        if len(found) > 1:
+            raise EchogridError(f"{self.yaml}: the key '{key}' is there {len(found)} times, expected once")
+        return found[0] if found else None
+
+    def _finite(self, key: str, text: str) -> float:
+        if not re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", text, re.ASCII) or not math.isfinite(float(text)):
+            raise EchogridError(f"{self.yaml}: {key}: found '{text[:40]}', expected a number")
+        return float(text)
 
 
-def _number(yaml: Path, key: str, text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise EchogridError(f"{yaml}: {key}: found '{text.strip()}', expected a number")
-    return number
-
-
-def load_picture(path: Path) -> tuple[NDArray[np.uint8], bool]:
-    """Colours (H, W, C) of 8 bits, and whether the last is alpha."""
+def load_picture(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    """Grey (H, W) of 8 bits as GraphicsMagick makes it of colours and of 16 bits, and whether a pixel is opaque (H, W)."""
     if not path.is_file():
         raise EchogridError(f"{path}: the yaml file names this picture, but it does not exist")
     try:
         with Image.open(path) as picture:
             if picture.width * picture.height > MOST_CELLS:
                 raise ValueError(f"it has {picture.width} x {picture.height} pixels, expected at most {MOST_CELLS >> 20} Mi")
-            if picture.mode not in ("1", "L", "P", "LA", "RGB", "RGBA"):
-                raise ValueError(f"its pixels are '{picture.mode}', expected grey or colours of 8 bits")
-            alpha = picture.mode in ("LA", "RGBA") or "transparency" in picture.info
-            pixels = np.asarray(picture.convert("RGBA" if alpha else "L" if picture.mode in ("1", "L") else "RGB"))
+            if picture.mode == "I" or picture.mode.startswith("I;16"):
+                return _of_16_bits(np.asarray(picture), picture.info.get("transparency"))
+            if picture.mode not in ("1", "L", "P", "LA", "PA", "La", "RGB", "RGBA", "RGBX", "RGBa", "CMYK", "YCbCr"):
+                raise ValueError(f"its pixels are '{picture.mode}', expected grey or colours of 8 or 16 bits")
+            pixels = np.asarray(picture.convert("RGBA"))
     except Exception as error:  # Pillow raises what garbage makes it stumble over
         raise EchogridError(f"{path}: is not a readable picture: {error}") from error
-    return pixels.reshape(*pixels.shape[:2], -1), alpha
+    return luma(pixels[..., :3]), pixels[..., 3] == 255
+
+
+def luma(colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(..., 3) red, green, blue to grey by ITU-R BT.601, rounded in 16 bits and cut to 8, as GraphicsMagick does it."""
+    weighted = colours[..., 0] * np.uint32(299) + colours[..., 1] * np.uint32(587) + colours[..., 2] * np.uint32(114)
+    grey: NDArray[np.uint8] = ((weighted * np.uint32(257) + np.uint32(500)) // np.uint32(1000) // np.uint32(257)).astype(np.uint8)
+    return grey
+
+
+def _of_16_bits(levels: NDArray[np.generic], transparent: object) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    wide = levels.astype(np.int64)
+    if wide.size and not 0 <= int(wide.min()) <= int(wide.max()) < 1 << 16:
+        raise ValueError("its grey levels have more than 16 bits")
+    return (wide // 257).astype(np.uint8), wide != transparent if isinstance(transparent, int) else np.ones(wide.shape, dtype=np.bool_)

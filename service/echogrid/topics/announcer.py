@@ -21,9 +21,24 @@ from echogrid.topics.diagnostics import diagnostics
 from echogrid.topics.grids import Grid, GridUpdate, encode_grid, encode_update
 from echogrid.topics.points import Points, encode_points
 from echogrid.topics.poses import Odometry, Transform, encode_odometry, encode_transforms
-from echogrid.topics.topic import DETECTIONS, DIAGNOSTICS, FULL, KEY, META, ODOMETRY, STATUS, TOPICS, TRANSFORM, UPDATE, Message, Topic
+from echogrid.topics.topic import (
+    DETECTIONS,
+    DIAGNOSTICS,
+    FULL,
+    KEY,
+    META,
+    ODOMETRY,
+    STATUS,
+    TOPICS,
+    TRANSFORM,
+    TRINARY,
+    UPDATE,
+    Message,
+    Topic,
+)
 
 MAP_FRAME, CAR_FRAME = "odom", "base"
+OCCUPIED_FROM, FREE_UP_TO = 65, 19  # percent: what nav2_map_server saves and reads as occupied and free, p >= 0.65 and p <= 0.196
 KEY_PERIOD_NS = 1_000_000_000  # a key frame goes out at the latest with the first window that is so much younger than the last one
 
 
@@ -94,6 +109,7 @@ class Announcer:
             self.keyframe += 1
             self._key_ns, self._key_of, self._key_cells, self._differed = stamp_ns, (epoch, key), cells, NOTHING
             yield message(KEY, self._grid(stamp_ns, key, cells), self.keyframe)
+            yield message(TRINARY, self._grid(stamp_ns, key, trinary(cells)), self.keyframe)
         else:
             self._differed = self._differed.joined(changed(self._key_cells, cells))
             x, y = self._differed.column, self._differed.row
@@ -136,3 +152,11 @@ def occupancy_percent(log_odds: LogOdds) -> NDArray[np.int8]:
     percent: NDArray[np.int8] = np.rint(50 + 50 * np.tanh(log_odds / 2)).astype(np.int8)
     percent[log_odds == 0] = -1
     return percent
+
+
+def trinary(percent: NDArray[np.int8]) -> NDArray[np.int8]:
+    """100, 0 or -1 of each of `occupancy_percent`'s cells: occupied, free, neither surely; for who takes nothing below 100 for occupied."""
+    cells = np.full(percent.shape, -1, dtype=np.int8)
+    cells[percent >= OCCUPIED_FROM] = 100
+    cells[(percent >= 0) & (percent <= FREE_UP_TO)] = 0
+    return cells

@@ -36,9 +36,10 @@ DETECTIONS = Topic("detections", "sensor_msgs/msg/PointCloud2", "/echogrid/detec
 STATUS = Topic("status", None)
 DIAGNOSTICS = Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", depth=10)
 META = Topic("meta", None, kept=True)
-FLEET = Topic("grid/fused/fleet", "nav_msgs/msg/OccupancyGrid", rank=3, packed=True)  # made from FULL while there are subscribers
-ALIVE, REGION, TILE = "alive/fusion", "grid/fused/region", "grid/fused/tile"  # a liveliness token, and the queries
-TOPICS = (FULL, KEY, UPDATE, ODOMETRY, TRANSFORM, DETECTIONS, STATUS, DIAGNOSTICS, META)
+TRINARY = Topic("grid/fused/trinary", "nav_msgs/msg/OccupancyGrid", "/echogrid/map_trinary", kept=True, rank=1)  # of each key frame
+FLEET = Topic("grid/fused/fleet", "nav_msgs/msg/OccupancyGrid", rank=3, packed=True)  # made of FULL, where somebody listens
+ALIVE, REGION, TILE = "alive/fusion", "grid/fused/region", "grid/fused/tile"  # a liveliness token, and what is asked for
+TOPICS = (FULL, KEY, UPDATE, ODOMETRY, TRANSFORM, DETECTIONS, STATUS, DIAGNOSTICS, META, TRINARY)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
