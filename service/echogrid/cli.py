@@ -49,8 +49,8 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--record",
         type=Path,
-        metavar="FILE.mcap",
-        help="record frames and all that is published, into a new file; in a folder it is named by the time",
+        metavar="FILE.mcap|BAG",
+        help="record frames and all that is published, into a new file or, as a ROS 2 bag, a new folder; in an existing one it is named by the time",
     )
     run.add_argument(
         "--foxglove",
@@ -83,7 +83,12 @@ def _parser() -> argparse.ArgumentParser:
     replay.add_argument("-c", "--config", type=Path, help="default: the drive folder's echogrid.toml")
     replay.add_argument("--out", type=Path, default=Path("out/replay"), help="folder for map, trajectory and summary (default: out/replay)")
     replay.add_argument("--realtime", action="store_true", help="at the bus's pace instead of as fast as possible")
-    replay.add_argument("--record", type=Path, metavar="FILE.mcap", help="also record frames and all that is published, into a new file")
+    replay.add_argument(
+        "--record",
+        type=Path,
+        metavar="FILE.mcap|BAG",
+        help="also record frames and all that is published, into a new file, or a new folder that is a ROS 2 bag",
+    )
     replay.add_argument("--store", type=Path, metavar="FILE.egmap", help="also write the map's tiles into this file, as a new epoch")
     replay.set_defaults(command=_replay)
 

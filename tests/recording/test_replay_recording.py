@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import shutil
 import threading
 from argparse import ArgumentTypeError
 from pathlib import Path
+from typing import Any
 
 import can
 import pytest
+import yaml
+from mcap.reader import make_reader
+from rosbags.convert.converter import convert
+from rosbags.rosbag2 import Reader
 from tests.support import mcap_files, world
 from tests.support.foxglove_client import viewer
 from tests.support.program import echogrid
@@ -19,13 +25,24 @@ from echogrid.commands.recorder import Recorder
 from echogrid.commands.replay import replay
 from echogrid.config.loading import load_config
 from echogrid.core.mapper import MapUpdate
+from echogrid.errors import EchogridError
 from echogrid.live.service import Service
 from echogrid.logs.drive import find_drive
 from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
+from echogrid.recording.mcap_writer import McapWriter
+from echogrid.topics.cdr import encode_string
 from echogrid.topics.topic import FULL, NAMESPACE, Message
 
-ROS = {"/echogrid/map", "/echogrid/map_updates", "/echogrid/odom", "/tf", "/echogrid/detections", "/diagnostics"}
+ROS = {"/echogrid/map", "/echogrid/map_trinary", "/echogrid/map_updates", "/echogrid/odom", "/tf", "/echogrid/detections", "/diagnostics"}
+ALL: dict[str, Any] = {
+    "dst_version": 8,
+    "compress": None,
+    "compress_mode": "storage",
+    "default_typestore": None,
+    "typestore": None,
+    **dict.fromkeys(("exclude_topics", "include_topics", "exclude_msgtypes", "include_msgtypes"), ()),
+}
 JSON = {"/echogrid/status", "/echogrid/meta"}
 
 
@@ -61,6 +78,56 @@ def test_a_replay_of_a_recording_of_a_replay_gives_the_same_map_and_the_same_fil
     ]
     done = echogrid("check", "-c", drive / "echogrid.toml", first)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_recording_is_a_ros_2_bag_and_its_copy_gives_the_same_map(drive: Path, tmp_path: Path) -> None:
+    """Converted by rosbags to sqlite3 and back; from the file alone, and from the folder with its metadata.yaml."""
+    bag, lone = tmp_path / "bag", tmp_path / "lone.mcap"
+    plain = replay(find_drive(drive, None), tmp_path / "plain", record=bag)
+    assert sorted(path.name for path in bag.iterdir()) == ["bag_0.mcap", "metadata.yaml"]
+    assert replay(find_drive(drive, None), tmp_path / "lone", record=lone)["map_sha256"] == plain["map_sha256"]
+    told = []
+    for source in (lone, bag):
+        with Reader(source) as reader:
+            told.append(
+                {
+                    (c.topic, c.msgtype, c.msgcount, c.ext.offered_qos_profiles[0].durability.name, c.ext.offered_qos_profiles[0].depth)
+                    for c in reader.connections
+                }
+            )
+            assert sum(1 for _ in reader.messages()) == reader.message_count
+            assert {c.ext.offered_qos_profiles[0].reliability.name for c in reader.connections} == {"RELIABLE"}
+            span = (reader.start_time, reader.end_time)
+    assert told[0] == told[1]
+    assert {name for name, _, _, _, _ in told[0]} == ROS | JSON | {"/can/can0"}
+    kept = {name for name, _, _, durability, _ in told[0] if durability == "TRANSIENT_LOCAL"}
+    assert kept == {"/echogrid/map", "/echogrid/map_trinary", "/echogrid/meta"}
+    rows = mcap_files.read(lone)
+    assert span == (min(row.log_time for row in rows), max(row.log_time for row in rows) + 1)
+    with lone.open("rb") as file:
+        (described,) = make_reader(file).iter_metadata()
+    inside = yaml.safe_load(described.metadata["serialized_metadata"])
+    beside = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert described.name == "rosbag2"
+    assert inside == beside | {"relative_file_paths": [], "files": []}
+    assert [entry["path"] for entry in beside["files"]] == beside["relative_file_paths"] == ["bag_0.mcap"]
+    for source in (lone, bag):
+        convert([source], tmp_path / "sqlite3", dst_storage="sqlite3", **ALL)
+        convert([tmp_path / "sqlite3"], tmp_path / "mcap", dst_storage="mcap", **ALL)
+        (copy,) = (tmp_path / "mcap").glob("*.mcap")
+        assert replay(find_drive(copy, drive / "echogrid.toml"), tmp_path / "again")["map_sha256"] == plain["map_sha256"]
+        shutil.rmtree(tmp_path / "sqlite3")
+        shutil.rmtree(tmp_path / "mcap")
+
+
+def test_a_bag_that_is_there_is_not_replaced_and_that_of_another_car_is_taken_away(drive: Path, tmp_path: Path) -> None:
+    (tmp_path / "bag").mkdir()
+    with pytest.raises(EchogridError, match="bag: exists already, and a recording replaces nothing"):
+        McapWriter(tmp_path / "bag")
+    (tmp_path / "other.log").write_text("(1.0) can0 123#00\n(2.0) can0 456#00\n")
+    with pytest.raises(EchogridError, match="is one that"):
+        replay(find_drive(tmp_path / "other.log", drive / "echogrid.toml"), tmp_path / "out", record=tmp_path / "new")
+    assert not (tmp_path / "new").exists()
 
 
 def test_a_folder_may_hold_a_recording(drive: Path, tmp_path: Path) -> None:
@@ -149,8 +216,9 @@ def test_a_running_service_records_what_it_maps_and_publishes_and_shows_it(drive
     ]
 
     published = [(m.topic.ros or f"{NAMESPACE}/{m.topic.name}", m.stamp_ns, m.payload) for m in sink.messages]
+    recorded = [(name, at, payload if name not in JSON else encode_string(payload.decode())) for name, at, payload in published]
     rows = [(row.topic, row.log_time, row.data) for row in mcap_files.read(path) if not row.topic.startswith("/can/")]
-    assert rows == [row for row in published if row[0] != f"{NAMESPACE}/{FULL.name}"]
+    assert rows == [row for row in recorded if row[0] != f"{NAMESPACE}/{FULL.name}"]
     assert {topic for topic, _, _ in rows} == ROS | JSON
     assert {number for number, _, _ in seen} == {0, 1, 2, 3}
     assert {(topics[number], at_ns, payload) for number, at_ns, payload in seen} <= set(published)

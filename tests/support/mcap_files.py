@@ -38,24 +38,15 @@ def decoder() -> Any:
 
 
 def read(path: Path) -> list[Read]:
-    """All messages in the file's order; CDR goes back to the same bytes, JSON has what its schema says."""
+    """All messages in the file's order, each in CDR, which goes back to the same bytes; a string is JSON."""
     decode, messages = decoder(), []
     with path.open("rb") as file:
         for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages(log_time_order=False):
             assert schema is not None
-            if channel.message_encoding == "cdr":
-                assert schema.encoding == "ros2msg"
-                content = decode(schema.name, schema.data.decode(), message.data)
-            else:
-                assert (channel.message_encoding, schema.encoding) == ("json", "jsonschema")
-                content = json.loads(message.data)
-                _check(content, json.loads(schema.data))
+            assert (channel.message_encoding, schema.encoding) == ("cdr", "ros2msg")
+            content = decode(schema.name, schema.data.decode(), message.data)
+            if schema.name == "std_msgs/msg/String":
+                content = json.loads(content.data)
             row = (channel.topic, schema.name, message.log_time, message.publish_time, message.sequence, message.data, content)
             messages.append(Read(*row))
     return messages
-
-
-def _check(content: Any, schema: dict[str, Any]) -> None:
-    kinds = {"string": str, "number": int | float, "object": dict, "array": list}
-    for name, expected in schema["properties"].items():
-        assert isinstance(content[name], kinds[expected["type"]]), name

@@ -134,7 +134,7 @@ def bus_of(message: can.Message, buses: tuple[Bus, ...]) -> str | None:
             return bus.name
         if bus.log_channel is None and isinstance(channel, int) and str(expected).rstrip("0123456789") + str(channel) == expected:
             return bus.name
-    return None
+    return next((bus.name for bus in buses if bus.name == channel), None)  # so a copy of a recording calls it
 
 
 def _dbc_path(profile: RadarProfile | MotionProfile, override: str | None, path: Path, source: Path) -> Path:

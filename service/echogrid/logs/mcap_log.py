@@ -23,6 +23,7 @@ from echogrid.topics.ros_definitions import CAN_FRAME, definition
 
 MOST_BYTES = 32 << 20  # of a record or a chunk, packed or not; ours have 4 MiB
 MOST_UNPACKED = 1000  # times the size of what was read, and MOST_BYTES more: no traffic packs so well
+BUSES = "/can/"  # what topics with frames begin with; the bus's name follows
 MOST_NAMED = 8  # channels that a sentence names
 
 _HEAD = struct.Struct("<BQ")  # what every record begins with: opcode, size of the rest
@@ -88,7 +89,8 @@ class McapLog:
             return
         if channel.message_encoding != "cdr" or not ours:
             raise ValueError(f"the frames on {channel.topic[:LONGEST_NAME]} are in another format than this version writes")
-        called = json.loads(channel.metadata.get("channel", "null"))
+        bus = channel.topic.removeprefix(BUSES)
+        called = json.loads(channel.metadata.get("channel", json.dumps(bus)))  # tools of ROS copy the topic's name alone
         if not isinstance(called, str | int | None) or len(str(called)) > LONGEST_NAME:
             raise ValueError("a channel's name in python-can is not a name")
         self._buses[channel.id] = called

@@ -56,8 +56,7 @@ class ReplayRecording:
 
     def discard(self) -> None:
         """Takes the file away again, where there was nothing to record."""
-        self._writer.abandon()
-        self.path.unlink()
+        self._writer.discard()
 
     def _tell(self, stamp_ns: int) -> None:
         """Status and diagnostics, once a second; what does not change before the first."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from echogrid.topics.ros_definitions import CAN_FRAME, definition
 from echogrid.topics.topic import META, NAMESPACE, STATUS, Topic
 
+TEXT = "std_msgs/msg/String"
 _TEXT, _NUMBER, _OBJECT = {"type": "string"}, {"type": "number"}, {"type": "object"}
 # Of JSON topics what a viewer may plot or list by name; there is more in them.
 _JSON = {
@@ -47,6 +48,12 @@ def viewer_channel(topic: Topic) -> ViewerChannel:
         return ViewerChannel(name, "cdr", topic.type, "ros2msg", definition(topic.type).encode())
     schema = {"title": f"echogrid {topic.name}", "type": "object", "properties": _JSON[topic.name]}
     return ViewerChannel(name, "json", f"echogrid.{topic.name}", "jsonschema", json.dumps(schema).encode())
+
+
+def recorded_channel(topic: Topic) -> ViewerChannel:
+    """As in a recording, which is a ROS 2 bag: what is JSON is the text of a message of ROS there."""
+    told = viewer_channel(topic)
+    return told if topic.type is not None else ViewerChannel(told.topic, "cdr", TEXT, "ros2msg", definition(TEXT).encode())
 
 
 def can_channel(bus: str) -> ViewerChannel:

@@ -26,7 +26,9 @@ def encode_frame(bus: str, message: can.Message) -> bytes:
     name, count = bus.encode() + b"\0", len(message.data)
     try:
         head = _STAMP.pack(LITTLE_ENDIAN, seconds, nanoseconds, len(name)) + name
-        frame = _FRAME.pack(message.timestamp, message.arbitration_id, *_flags(message), message.dlc, count)
+        # python-can's readers put a length or a code of one into dlc; only of a remote frame is it all there is.
+        length = message.dlc if message.is_remote_frame else count
+        frame = _FRAME.pack(message.timestamp, message.arbitration_id, *_flags(message), length, count)
     except struct.error as error:
         raise ValueError(f"not a CAN frame: {error}") from error
     if count > MOST_DATA:

@@ -32,6 +32,11 @@ def encode_text(text: str) -> bytes:
     return LENGTH.pack(len(data) + 1) + data + b"\0"
 
 
+def encode_string(text: str) -> bytes:
+    """std_msgs/String, a whole message. Raises ValueError where it holds a NUL."""
+    return LITTLE_ENDIAN + encode_text(text)
+
+
 def with_texts(body: bytes, texts: Iterable[str]) -> bytes:
     """The body and behind it each text, from the next multiple of 4 on."""
     for text in texts:
