@@ -8,7 +8,7 @@ import socket
 import subprocess
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -21,6 +21,7 @@ import zenoh.ext
 from tests.support import messages
 from tests.support.frames import CONFIG
 from tests.support.places import ROOT
+from tests.support.ports import free_port
 from tests.support.waiting import PATIENCE, until
 
 from echogrid.client import Client
@@ -28,7 +29,7 @@ from echogrid.config.loading import load_config
 from echogrid.config.tables import Publish, Ros, Tls
 from echogrid.errors import EchogridError
 from echogrid.topics.grids import Grid, decode_grid, encode_grid
-from echogrid.topics.topic import ALIVE, FULL, KEY, REGION, STATUS, TILE
+from echogrid.topics.topic import ALIVE, FLEET, FULL, KEY, REGION, STATUS, TILE
 from echogrid.zenoh.credentials import Credentials
 from echogrid.zenoh.publisher import Publisher, key, session_config
 from echogrid.zenoh.ros import topic_keys
@@ -39,6 +40,8 @@ MAP = key("car", FULL.name)
 ROS_MAP = dict(topic_keys(Ros()))[KEY]
 GRIDS = (MAP, key("car", KEY.name), ROS_MAP)
 TOKEN = key("car", ALIVE)
+FLEET_KEY = key("car", FLEET.name)  # which goes out where somebody listens
+WIDE = ("**", "echogrid/**", "echogrid/v1/**", "*/v1/**", key("*", "**"), key("car", "**"), "0/**", "@ros2_lv/**", "@ros2_lv/0/**")
 FAKE_TOKENS = (key("car", "alive/fake"), "@ros2_lv/0/fake/0/0/NN/%/%/fake")
 Look = Callable[[], set[tuple[str, int]]]  # keys and stamps of what has come
 
@@ -89,7 +92,7 @@ class Intruder:
     def __init__(self, session: zenoh.Session) -> None:
         self.session = session
         self.stolen: set[str] = set()  # keys of what came that it had not sent itself
-        everything = ("**", key("car", "**"), key("*", "**"), "0/**", "@ros2_lv/0/**")
+        everything = WIDE
         history = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1)
         self.subscribers = [session.declare_subscriber(name) for name in everything]
         self.subscribers += [session.liveliness().declare_subscriber(name, history=True) for name in everything]
@@ -97,24 +100,32 @@ class Intruder:
             zenoh.ext.declare_advanced_subscriber(session, name, zenoh.handlers.DefaultHandler(), history=history) for name in GRIDS
         ]
         fake = encode_grid(Grid(FAKE_NS, "odom", 0.5, (0.0, 0.0), np.zeros((2, 2), np.int8)))
-        self.lies = {**dict.fromkeys(GRIDS, fake), key("car", STATUS.name): b'{"state": "fake"}'}
+        self.lies = {"secret/x": b"of the intruder", **dict.fromkeys(GRIDS, fake), key("car", STATUS.name): b'{"state": "fake"}'}
         asked = (*GRIDS, key("car", REGION), key("car", f"{TILE}/*/*"))
-        self.queryables = [session.declare_queryable(name, zenoh.handlers.RingChannel(1)) for name in asked]
+        asked += ("**", "**/@adv/**", *(f"{name}/@adv/**" for name in GRIDS))
+        self.queryables = [session.declare_queryable(name, zenoh.handlers.Callback(self._answer, indirect=False)) for name in asked]
         self.tokens = [session.liveliness().declare_token(name) for name in FAKE_TOKENS]
 
     def act(self) -> None:
         for name, payload in self.lies.items():
             self.session.put(name, payload)
+            self.session.delete(name)
         for subscriber in self.subscribers:
             while (sample := subscriber.try_recv()) is not None:
                 self._note(sample)
 
     def ask(self) -> None:
         """For the map, its cache and who is alive."""
-        for name in (MAP, f"{MAP}/@adv/**", key("car", "**/@adv/**"), f"{ROS_MAP}/@adv/**"):
+        for name in (MAP, f"{MAP}/@adv/**", key("car", "**/@adv/**"), f"{ROS_MAP}/@adv/**", "**", "**/@adv/**", "@/**", "@/**/@adv/**"):
             self._note_all(self.session.get(name, timeout=0.5, accept_replies=zenoh.ReplyKeyExpr.ANY))
-        for name in ("**", key("car", "**"), "@ros2_lv/0/**"):
+        for name in WIDE:
             self._note_all(self.session.liveliness().get(name, timeout=0.5))
+
+    def _answer(self, query: zenoh.Query) -> None:
+        """With a lie, under the key that was asked for or under that of the map."""
+        with query, suppress(zenoh.ZError):
+            name = str(query.key_expr)
+            query.reply(MAP if "*" in name else name, self.lies[MAP])
 
     def _note_all(self, replies: Iterable[zenoh.Reply]) -> None:
         for reply in replies:
@@ -123,8 +134,25 @@ class Intruder:
 
     def _note(self, sample: zenoh.Sample) -> None:
         name = str(sample.key_expr)
-        if bytes(sample.payload) != self.lies.get(name) and name not in FAKE_TOKENS:
+        mine = sample.kind == zenoh.SampleKind.DELETE or bytes(sample.payload) == self.lies.get(name)
+        own = name.startswith(f"@/{self.session.zid()}/")  # what Zenoh tells each session of itself
+        if not mine and not own and name not in FAKE_TOKENS:
             self.stolen.add(name)
+
+
+@contextmanager
+def ears(endpoint: str) -> Iterator[set[str]]:
+    """A program that would answer any question; the keys that others ask it for."""
+    heard = set[str]()
+
+    def answer(query: zenoh.Query) -> None:
+        with query:
+            heard.add(str(query.key_expr))
+
+    with opened(endpoint, "client", None) as session:
+        for name in ("**", "**/@adv/**", *GRIDS, *(f"{name}/@adv/**" for name in GRIDS), key("car", REGION)):
+            session.declare_queryable(name, zenoh.handlers.Callback(answer, indirect=False), complete=True)
+        yield heard
 
 
 @contextmanager
@@ -386,3 +414,105 @@ def test_the_five_minutes_of_the_document_work(tmp_path: Path, port: int) -> Non
     with Publisher(load_config(path).publish, "car", Ros()) as publisher, Client(f"tls/127.0.0.1:{port}", credentials=viewer) as client:
         publisher.put(messages.grid(7, 0, 0, 0.5, LOG_ODDS))
         assert client.grid(PATIENCE) is not None
+
+
+@pytest.mark.parametrize("mode", ["client", "peer"])
+@pytest.mark.parametrize("wide", WIDE)
+def test_who_may_look_may_ask_for_anything_and_gets_what_it_may_see(port: int, wide: str, mode: str) -> None:
+    """Subscriptions, liveliness queries and liveliness subscriptions: Zenoh drops what is not within the allowed, without a word."""
+    endpoint = f"tcp/127.0.0.1:{port}"
+    with (
+        Publisher(Publish(listen=(endpoint,)), "car", Ros()) as publisher,
+        opened(endpoint, mode, None) as session,
+        opened(endpoint, "client", None) as neighbour,
+    ):
+        expression = zenoh.KeyExpr(wide)
+        subscriber = session.declare_subscriber(wide)
+        alive = session.liveliness().declare_subscriber(wide, history=True)
+        expected = {name for name in GRIDS if expression.includes(zenoh.KeyExpr(name))}
+        tokens, seen = set[str](), set[str]()
+
+        def look() -> None:
+            send(publisher, 1)
+            neighbour.put("secret/x", b"of a neighbour")
+            neighbour.put(key("other", "odom"), b"of a neighbour")
+            neighbour.put(MAP, b"of a neighbour")
+            for source, found in ((subscriber, seen), (alive, tokens)):
+                while (sample := source.try_recv()) is not None:
+                    found.add(str(sample.key_expr))
+                    assert bytes(sample.payload) != b"of a neighbour"
+
+        node = (wide.startswith("@ros2_lv") and "@ros2_lv") or (TOKEN if expression.includes(zenoh.KeyExpr(TOKEN)) else "")
+        deadline = time.monotonic() + PATIENCE
+        while not (seen >= expected and (not node or tokens)) and time.monotonic() < deadline:
+            look()
+            time.sleep(0.02)
+        for _ in range(10):
+            look()
+            time.sleep(0.01)
+        assert seen - {FLEET_KEY} == expected
+        asked = {str(reply.ok.key_expr) for reply in session.liveliness().get(wide, timeout=0.5) if reply.ok is not None}
+        assert tokens == asked
+        if node == TOKEN:
+            assert tokens == {TOKEN}
+        elif node:
+            assert len(tokens) == 1 + len(dict(topic_keys(Ros())))
+        else:
+            assert not tokens
+
+
+def test_a_query_for_everything_is_answered_by_the_service_alone(port: int) -> None:
+    """The cache of the last map, which only keys with @adv reach; a queryable of another viewer is not asked."""
+    endpoint = f"tcp/127.0.0.1:{port}"
+    with (
+        Publisher(Publish(listen=(endpoint,)), "car", Ros()) as publisher,
+        opened(endpoint, "client", None) as session,
+        ears(endpoint) as heard,
+    ):
+        send(publisher, 1)
+        found: dict[str, int] = {}
+        deadline = time.monotonic() + PATIENCE
+        while not found.keys() >= set(GRIDS) and time.monotonic() < deadline:
+            for reply in session.get("**/@adv/**", timeout=0.5, accept_replies=zenoh.ReplyKeyExpr.ANY):
+                if reply.ok is not None:
+                    found[str(reply.ok.key_expr)] = stamp_of(reply.ok)
+        assert found == dict.fromkeys(GRIDS, 1)
+        for name in ("**", *GRIDS, f"{MAP}/@adv/**", f"{key('car', REGION)}?bbox=0,0,1,1"):
+            for reply in session.get(name, timeout=0.5):
+                assert reply.ok is None or str(reply.ok.key_expr) in (*GRIDS, key("car", REGION))
+        assert heard == set()
+
+
+def test_a_router_between_changes_nothing(port: int) -> None:
+    """A router without any rule: who asks it for `**` gets the service's maps; what others say there reaches nobody through us."""
+    ours, theirs = f"tcp/127.0.0.1:{port}", f"tcp/127.0.0.1:{free_port()}"
+    config = session_config((theirs,), (), sends=True)
+    with (
+        zenoh.open(config),
+        Publisher(Publish(listen=(ours,), connect=(theirs,)), "car", Ros()) as publisher,
+        opened(theirs, "client", None) as behind,
+        opened(ours, "client", None) as beside,
+        ears(theirs) as asked,
+    ):
+        wide, near = behind.declare_subscriber("**"), beside.declare_subscriber("**")
+        intruder = Intruder(behind)
+        seen, heard = set[str](), set[str]()
+        deadline = time.monotonic() + PATIENCE
+        rounds = 0
+        while (not seen >= set(GRIDS) or not heard >= set(GRIDS) or rounds < 50) and time.monotonic() < deadline:
+            rounds += 1
+            send(publisher, 1)
+            intruder.act()
+            while (sample := wide.try_recv()) is not None:
+                seen.add(str(sample.key_expr))
+            while (sample := near.try_recv()) is not None:
+                heard.add(str(sample.key_expr))
+                assert sample.kind == zenoh.SampleKind.PUT
+                assert str(sample.key_expr) == FLEET_KEY or stamp_of(sample) == 1
+            time.sleep(0.02)
+        assert seen >= {*GRIDS, "secret/x"}
+        assert heard - {FLEET_KEY} == set(GRIDS)
+        for name in ("**", "**/@adv/**", MAP):
+            for _ in beside.get(name, timeout=0.5):
+                pass
+        assert not [name for name in asked if name in ("**", "**/@adv/**", MAP)]

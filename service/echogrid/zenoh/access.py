@@ -6,13 +6,18 @@ from collections.abc import Sequence
 
 # Of a viewer's messages to us, and of ours to it. Nothing that could change what other viewers see is among the first.
 ASKED = ("declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query")
+ANYTHING = ("**", "**/@adv/**", "@ros2_lv/**")  # `**` passes over chunks that begin with @; those of Zenoh's own space are not asked for
 GIVEN = ("put", "delete", "reply", "declare_queryable", "liveliness_token")
 
 
-def access_control(asked: Sequence[str], given: Sequence[str], viewers: Sequence[str] | None) -> dict[str, object]:
-    """Zenoh's access_control: the key expressions `given` may be read, and nothing written, with a certificate that has one of the
-    common names `viewers`; if that is None, by everyone who can connect. Keys within `asked` may be queried."""
-    flows = {"ingress": (ASKED, asked), "egress": (GIVEN, given)}
+def access_control(given: Sequence[str], viewers: Sequence[str] | None) -> dict[str, object]:
+    """Zenoh's access_control: the key expressions `given` may be read, and nothing written, by whoever shows a certificate with one of the
+    common names `viewers`; where that is None, by everyone who can connect.
+
+    Zenoh drops a declaration that is not within what is allowed without a word, instead of cutting it down. So anything may be asked for,
+    `**` as well, and what goes out is what is `given`.
+    """
+    flows = {"ingress": (ASKED, ANYTHING), "egress": (GIVEN, given)}
     subject = {"id": "viewers"} | ({} if viewers is None else {"cert_common_names": list(viewers)})
     return {
         "enabled": True,

@@ -42,9 +42,8 @@ class Publisher:
     def __init__(self, settings: config.Publish, vehicle: str, ros: config.Ros) -> None:
         self.vehicle = vehicle
         credentials = _credentials(settings)
-        # A client of several vehicles queries them all at once, and gets this one's answer.
-        asked, given = ([*(key(of, names) for names in VIEWED), *viewed(ros)] for of in ("*", vehicle))
-        access = access_control(asked, given, None if settings.tls is None else settings.tls.viewers)
+        given = [*(key(vehicle, names) for names in VIEWED), *viewed(ros)]
+        access = access_control(given, None if settings.tls is None else settings.tls.viewers)
         self._open = ExitStack()
         try:
             opened = zenoh.open(session_config(settings.listen, settings.connect, sends=True, credentials=credentials, access=access))
