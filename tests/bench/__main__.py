@@ -79,7 +79,7 @@ def decoding() -> dict[str, float]:
     random = np.random.default_rng(0)
     messages = [dbc.get_message_by_name(f"MRR_Detection_{n:03d}") for n in range(1, 65)]
     payloads = [random.integers(0, 256, 8, dtype=np.uint8).tobytes() for _ in messages]
-    ours = BatchDecoder(dbc_file.parse(FORD.read_bytes()).named(messages[0].name)[0])
+    ours = BatchDecoder(dbc_file.parse(ford.read_bytes()).named(messages[0].name)[0])
     pairs = list(zip(messages, payloads, strict=True))
     parser = CANParser("FORD_CADS", [(message.name, 0) for message in messages], 0)
     frames = [(message.frame_id, payload, 0) for message, payload in pairs]

@@ -38,7 +38,6 @@ STORE.register(
         "std_msgs/Header header\nint32 x\nint32 y\nuint32 width\nuint32 height\nint8[] data", "map_msgs/msg/OccupancyGridUpdate"
     )
 )
-PATIENCE = 40.0  # s: far beyond what anything here takes
 NAMES = {"map", "map_trinary", "map_updates", "odom", "detections"}  # in our namespace
 LOG_ODDS = np.array([[0, 3.5, -3.5], [1, 0, 0]], dtype=np.float32)
 
