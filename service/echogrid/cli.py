@@ -50,7 +50,7 @@ def _parser() -> argparse.ArgumentParser:
         "--record",
         type=Path,
         metavar="FILE.mcap|BAG",
-        help="record frames and all that is published, into a new file or, as a ROS 2 bag, a new folder; in one that exists it is named by time",
+        help="record frames and all that is published, into a new file or, as a ROS 2 bag, a new folder; in one that exists named by time",
     )
     run.add_argument(
         "--foxglove",
