@@ -176,7 +176,7 @@ MULTIPLEXED = """BO_ 258 YawRate: 4 V
         (MULTIPLEXED.replace("{mark}", " M") + "SG_MUL_VAL_ 258 Turn Branch;\n", "line 5: is no SG_MUL_VAL_ that is understood"),
         (MULTIPLEXED.replace("{mark}", " M") + "SIG_VALTYPE_ 258 Turn : 7;\n", "line 5: is no SIG_VALTYPE_ that is understood"),
         (MULTIPLEXED.replace("{mark}", " M") + "SIG_VALTYPE_ 258 Turn : 1;\n", "'Turn' of 16 bits is said to be a float of 32"),
-        (MULTIPLEXED.replace("{mark}", " M").replace("16|16", "16|17"), "is no number within its 4 bytes"),
+        (MULTIPLEXED.replace("{mark}", " M").replace("16|16", "16|17"), "is not a number within its 4 bytes"),
         (MULTIPLEXED.replace("{mark}", " M").replace("0.0002", "0"), "has the scale 0"),
         (
             MULTIPLEXED.replace("{mark}", " M").replace("0.0002", "0,0002"),
