@@ -122,7 +122,7 @@ def test_a_recording_is_a_ros_2_bag_and_its_copy_gives_the_same_map(drive: Path,
 
 def test_a_bag_that_is_there_is_not_replaced_and_that_of_another_car_is_taken_away(drive: Path, tmp_path: Path) -> None:
     (tmp_path / "bag").mkdir()
-    with pytest.raises(EchogridError, match="bag: exists already, and a recording replaces nothing"):
+    with pytest.raises(EchogridError, match="bag: exists already, and a recording never replaces a file"):
         McapWriter(tmp_path / "bag")
     (tmp_path / "other.log").write_text("(1.0) can0 123#00\n(2.0) can0 456#00\n")
     with pytest.raises(EchogridError, match="is one that"):
