@@ -10,7 +10,7 @@ from pathlib import Path
 
 import fastcrc
 
-from echogrid.can import dbc_file
+from echogrid.can import dbc_file, e2e
 from echogrid.can.database import Database, Message, Ranges, Signal
 from echogrid.can.decode import SignalLayout, fits, layout_of
 from echogrid.errors import EchogridError
@@ -96,17 +96,30 @@ class Dbc:
             raise EchogridError(f"{self.profile}: {key}: '{name}' of {self.path} is a float, expected an integer signal")
         return layout
 
-    def checksum(self, message: Message, name: str, algorithm: str, key: str) -> Checksum:
+    def checksum(self, message: Message, name: str, algorithm: str, key: str, data_id: tuple[int, ...] = ()) -> Checksum:
         """A checksum in a signal of the message, which must fill whole bytes."""
         layout = self.integer(message, name, key)
         if layout.shift or layout.length % 8:
             raise EchogridError(f"{self.profile}: {key}: '{name}' of {self.path} does not fill whole bytes")
+        if algorithm in e2e.ALGORITHMS:
+            return self._end_to_end(message, layout, algorithm, key, data_id)
+        if data_id:
+            raise EchogridError(f"{self.profile}: {key}.data_id: '{algorithm}' has none, expected one of {', '.join(e2e.ALGORITHMS)}")
         module, _, function = algorithm.partition(".")
         known = {"crc8": fastcrc.crc8, "crc16": fastcrc.crc16, "crc32": fastcrc.crc32}
         compute = getattr(known.get(module), function, None) if function in _algorithms(known.get(module)) else None
         if compute is None:
             raise EchogridError(f"{self.profile}: {key}: '{algorithm}' is not a known checksum, expected one such as crc8.sae_j1850")
         return Checksum(layout, compute)
+
+    def _end_to_end(self, message: Message, layout: SignalLayout, algorithm: str, key: str, data_id: tuple[int, ...]) -> Checksum:
+        place = first_byte(layout)
+        if place + layout.length // 8 >= message.length:
+            raise EchogridError(f"{self.profile}: {key}: nothing is behind the checksum of '{message.name}', expected the counter")
+        try:
+            return Checksum(layout, e2e.checksum(algorithm, data_id, layout.length, place))
+        except ValueError as error:
+            raise EchogridError(f"{self.profile}: {key}: {error}") from error
 
 
 class Checksum:
@@ -115,9 +128,8 @@ class Checksum:
     def __init__(self, layout: SignalLayout, compute: Callable[[bytes], int]) -> None:
         self.layout = layout
         self.compute = compute
-        count = layout.length // 8
-        self._first = layout.lsb_byte if layout.step > 0 else layout.lsb_byte - count + 1
-        self._after = self._first + count
+        self._first = first_byte(layout)
+        self._after = self._first + layout.length // 8
 
     def others(self, payload: bytes) -> bytes:
         """The payload without the checksum's own bytes."""
@@ -126,6 +138,11 @@ class Checksum:
     def holds(self, payload: bytes, summed: bytes | None = None) -> bool:
         """Whether the payload's checksum is that of `summed` (default: of the payload's other bytes)."""
         return self.compute(self.others(payload) if summed is None else summed) == self.layout.raw(payload)
+
+
+def first_byte(layout: SignalLayout) -> int:
+    """Where a signal of whole bytes begins."""
+    return layout.lsb_byte if layout.step > 0 else layout.lsb_byte - layout.length // 8 + 1
 
 
 def _algorithms(module: object) -> frozenset[str]:

@@ -91,7 +91,7 @@ class _FrameCheck:
     def __init__(self, dbc: Dbc, message: Message, counter: str | None, crc: FrameCrc | None, key: str) -> None:
         self.length = message.length
         self.counter = dbc.integer(message, counter, f"{key}.counter") if counter else None
-        self.crc: Checksum | None = dbc.checksum(message, crc.signal, crc.algorithm, f"{key}.crc") if crc else None
+        self.crc: Checksum | None = dbc.checksum(message, crc.signal, crc.algorithm, f"{key}.crc", crc.data_ids) if crc else None
         self.last: int | None = None
         self.cadence = Cadence(self.counter.length) if self.counter is not None else None
 

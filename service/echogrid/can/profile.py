@@ -72,10 +72,16 @@ def _measures(dimension: str, **quantities: Quantity | None) -> None:
 
 
 class FrameCrc(Table, frozen=True):
-    """A checksum over the frame's other bytes; `algorithm` is one of fastcrc's, such as crc8.sae_j1850."""
+    """A checksum over the frame's other bytes; `algorithm` is one of fastcrc's, such as crc8.sae_j1850, or of `can.e2e`, with a data id."""
 
     signal: str
     algorithm: str
+    data_id: int | tuple[int, ...] = ()
+
+    @property
+    def data_ids(self) -> tuple[int, ...]:
+        """None, one, or one for each value of the counter."""
+        return (self.data_id,) if isinstance(self.data_id, int) else self.data_id
 
 
 class CycleCrc(Table, frozen=True):

@@ -190,7 +190,8 @@ class _Layout:
         self.detections_cycle = self._integer(detections.cycle, "detections.cycle")
         self.frame_crc: Checksum | None = None
         if detections.crc is not None:
-            self.frame_crc = dbc.checksum(first, self._first(detections.crc.signal), detections.crc.algorithm, "detections.crc")
+            crc = detections.crc
+            self.frame_crc = dbc.checksum(first, self._first(crc.signal), crc.algorithm, "detections.crc", crc.data_ids)
         self.counts = []
         self.cycle: SignalLayout | None = None
         self.header_values: QuantityReader | None = None
