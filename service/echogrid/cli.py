@@ -78,7 +78,10 @@ def _parser() -> argparse.ArgumentParser:
 
     replay = commands.add_parser("replay", help="a recording through the same chain, into files")
     replay.add_argument(
-        "drive", type=Path, metavar="DRIVE_OR_LOG", help="a drive folder, or a log: .log .blf .asc .trc .csv .db .mf4 .mcap"
+        "drive",
+        type=Path,
+        metavar="DRIVE_OR_LOG",
+        help="a drive folder, or a log: .log .blf .asc .trc .csv .pcap .pcapng .db .mf4 .mcap (.gz, .zst)",
     )
     replay.add_argument("-c", "--config", type=Path, help="default: the drive folder's echogrid.toml")
     replay.add_argument("--out", type=Path, default=Path("out/replay"), help="folder for map, trajectory and summary (default: out/replay)")

@@ -129,13 +129,13 @@ def test_in_real_time_it_takes_as_long_as_the_drive(drive: Path, tmp_path: Path)
     assert summary["wall_s"] >= summary["drive_s"] - 0.05
 
 
-def test_a_torn_log_is_mapped_up_to_where_it_tears(drive: Path, tmp_path: Path) -> None:
+def test_a_log_with_junk_is_mapped_without_it(drive: Path, tmp_path: Path) -> None:
     log = tmp_path / "torn.log"
-    log.write_text((drive / "can.log").read_text()[: -len("garbage")] + "\n(12 what\n")
+    log.write_text((drive / "can.log").read_text()[: -len("#garbage")] + "\n(12 what\n")
     done = echogrid("replay", log, "-c", drive / "echogrid.toml", "--out", tmp_path / "out")
     assert done.returncode == 1
-    assert done.stderr.startswith(f"echogrid: {log}: cannot be read beyond message ")
-    assert done.stderr.endswith(f"the map up to there is in {tmp_path / 'out'}\n")
+    assert done.stderr.startswith(f"echogrid: {log}: 2 of its parts could not be understood, the first is line ")
+    assert done.stderr.endswith(f"the map of all else is in {tmp_path / 'out'}\n")
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["cycles"] > 50
 
 
@@ -153,7 +153,7 @@ def test_time_that_goes_backwards_is_dropped_and_counted(drive: Path, tmp_path: 
     [
         ("other.log", "(1.0) can0 123#00\n(2.0) can0 456#00\n", "none of its 2 frames is one that"),
         ("empty.log", "", "holds no CAN message"),
-        ("noise.log", "\x00\x01\x02", "cannot be read beyond message 0"),
+        ("noise.log", "\x00\x01\x02", "holds no CAN message; 1 of its parts could not be understood, the first is line 1: "),
         ("log.txt", "", "is not a known log format"),
     ],
 )

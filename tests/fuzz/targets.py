@@ -81,14 +81,18 @@ IDS = SignalReader(CONFIG, PATH, Health()).ids("can0")
 
 
 def log(suffix: str) -> Target:
-    """A recording of one format, through python-can's reader and the decoding of signals."""
+    """A recording of one format, through its reader and the decoding of signals; as many frames are told as are given."""
 
     def run(data: bytes) -> None:
         reader = SignalReader(CONFIG, PATH, Health())
+        log = Log(_written(f"a{suffix}", data))
+        number = -1
         with suppress(EchogridError):
-            for number, message in enumerate(Log(_written(f"a{suffix}", data))):
+            for number, message in enumerate(log):
                 reader.add(bus_of(message, CONFIG.bus) or "", message)
                 assert number < LONGEST, "a log without an end"
+        assert log.messages == log.times.frames == number + 1
+        assert log.account.errors + log.account.remote <= log.messages
 
     return run
 
@@ -246,12 +250,15 @@ def wire(data: bytes) -> None:
 TARGETS: dict[str, Target] = {
     "log": log(".log"),
     "log_gz": log(".log.gz"),
+    "log_zst": log(".log.zst"),
     "asc": log(".asc"),
     "csv": log(".csv"),
     "trc": log(".trc"),
     "blf": log(".blf"),
     "db": log(".db"),
     "mcap": log(".mcap"),
+    "pcap": log(".pcap"),
+    "pcapng": log(".pcapng"),
     "frames": frames_on_the_bus,
     "config": config,
     "dbc": dbc,

@@ -121,7 +121,7 @@ def test_a_torn_file_gives_what_it_holds_and_then_one_sentence(tmp_path: Path) -
         path = tmp_path / "torn.mcap"
         path.write_bytes(data[:length])
         got: list[can.Message] = []
-        with pytest.raises(EchogridError, match=r"torn.mcap: cannot be read beyond message \d+: \w+: it ") as caught:
+        with pytest.raises(EchogridError, match=r"torn.mcap: cannot be read beyond message \d+: it ") as caught:
             got.extend(iter(Log(path)))
         assert attributes(got) == attributes(FRAMES * 10)[: len(got)]
         assert len(got) % len(FRAMES) == 0
@@ -260,7 +260,7 @@ OURS = definition(CAN_FRAME)
         ),
         ([(f"/{n}", "x/msg/Y", "", {}) for n in range(20)], "/7 (x/msg/Y), ...; expected"),
         ([("/can/a", CAN_FRAME, "uint8 x\n", {})], "the frames on /can/a are in another format than this version writes"),
-        ([("/can/a", CAN_FRAME, OURS, {})], "cannot be read beyond message 0: ValueError: a frame's message ends after 0 bytes"),
+        ([("/can/a", CAN_FRAME, OURS, {})], "cannot be read beyond message 0: a frame's message ends after 0 bytes"),
         ([("/can/a", CAN_FRAME, OURS, {"channel": "[1]"})], "a channel's name in python-can is not a name"),
         ([("/can/a", CAN_FRAME, OURS, {"channel": "no JSON"})], "JSONDecodeError"),
     ],

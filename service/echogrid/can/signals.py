@@ -96,11 +96,10 @@ class SignalReader:
         return sorted(frame_id for name, frame_id in self.readers if name == bus)
 
     def add(self, bus: str, message: can.Message) -> list[RadarScan | EgoMotion]:
-        """What a message completes. A bad one changes nothing and is counted."""
-        self.health.frames += 1
-        if message.is_error_frame or message.is_remote_frame:
-            self.health.bad_frames += 1
+        """What a message completes. A bad one changes nothing and is counted; an error frame is not traffic."""
+        if message.is_error_frame:
             return []
+        self.health.frames += 1
         # A float of seconds since 1970 holds microseconds, not nanoseconds. Of its fraction, 22 bits, the product is exact, so that it is
         # rounded as in a text log; rounding the whole float would give another microsecond for one frame in eight.
         fraction, seconds = math.modf(message.timestamp)
@@ -113,6 +112,9 @@ class SignalReader:
         if reader is None:
             self.health.unknown_frames += 1
             return []
+        if message.is_remote_frame:
+            self.health.bad_frames += 1
+            return []
         try:
             if isinstance(reader, MotionReader):
                 return [*reader.add(message, received_ns)]
@@ -124,17 +126,29 @@ class SignalReader:
 
 
 def bus_of(message: can.Message, buses: tuple[Bus, ...]) -> str | None:
-    """The bus that a logged message belongs to. Log formats name channels ("can1") or number them (1), or do not say."""
+    """The bus that a logged message belongs to. Log formats name channels ("can1"), or number them from 1, or do not say.
+
+    A number is that of `log_channel`, or the bus is meant whose name has the number before: 1 is "can0". PCAN_USBBUS1 counts from 1.
+    """
     channel = message.channel
     if channel is None or channel == "":
         return buses[0].name if len(buses) == 1 else None
     for bus in buses:
-        expected = bus.logged_as
-        if str(channel) == str(expected):
+        if str(channel) == str(bus.logged_as) and (isinstance(channel, str) or bus.log_channel is not None):
             return bus.name
-        if bus.log_channel is None and isinstance(channel, int) and str(expected).rstrip("0123456789") + str(channel) == expected:
+        if isinstance(channel, int) and channel == _number(str(bus.logged_as)):
+            return bus.name
+        if isinstance(channel, str) and isinstance(bus.log_channel, int) and channel == f"can{bus.log_channel}":
             return bus.name
     return next((bus.name for bus in buses if bus.name == channel), None)  # so a copy of a recording calls it
+
+
+def _number(name: str) -> int | None:
+    """What files that number their channels from 1 would call a bus; None for a name without a number."""
+    digits = name[len(name.rstrip("0123456789")) :]
+    if not digits or digits == name:
+        return None
+    return int(digits) + (not name.startswith("PCAN_"))
 
 
 def _dbc_path(profile: RadarProfile | MotionProfile, override: str | None, path: Path, source: Path) -> Path:

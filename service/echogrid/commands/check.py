@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from echogrid.can.signals import SignalReader, bus_of
+from echogrid.commands.traffic import Traffic
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
 from echogrid.core.health import Health
@@ -28,6 +28,8 @@ def command(config_path: Path, log: Path | None) -> None:
     report = check_log(config, config_path, log)
     print(render(report))
     complaints = report.complaints()
+    if report.torn is not None:
+        raise EchogridError("; ".join([str(report.torn), *complaints]))
     if complaints:
         raise EchogridError(f"{log}: " + "; ".join(complaints))
     print(f"{log}: nothing is missing")
@@ -42,8 +44,12 @@ class Stream:
 
     @property
     def rate_hz(self) -> float:
-        """Over the median step, so that a gap does not lower it; 0 for fewer than two."""
-        return 1e9 / float(np.median(self._steps_ns)) if len(self.stamps_ns) > 1 else 0.0
+        """Over the median step, so that a gap does not lower it; over all where times repeat; 0 for fewer than two."""
+        if len(self.stamps_ns) < 2:
+            return 0.0
+        step_ns = float(np.median(self._steps_ns))
+        span_ns = max(self.stamps_ns) - min(self.stamps_ns)
+        return 1e9 / step_ns if step_ns > 0 else (len(self.stamps_ns) - 1) * 1e9 / span_ns if span_ns else 0.0
 
     @property
     def longest_gap(self) -> float:
@@ -60,15 +66,19 @@ class Report:
     """What a recording holds for a configuration."""
 
     health: Health
-    seconds: float
+    log: Log
+    traffic: Traffic
+    torn: EchogridError | None  # what the file lost
     speed: Stream
     yaw_rate: Stream
     radars: dict[str, Stream]
-    unknown: Counter[tuple[str, int]]
 
     def complaints(self) -> list[str]:
         """What keeps this recording from making a good map, one sentence each; empty if nothing does."""
-        said = [f"no {name} was decoded" for name, stream in (("speed", self.speed), ("yaw rate", self.yaw_rate)) if not stream.stamps_ns]
+        said = self.log.times.faults() + self.traffic.coarse(self.log.times)
+        if not all(stream.stamps_ns for stream in (self.speed, self.yaw_rate, *self.radars.values())):
+            said += self.traffic.strangers()
+        said += [f"no {name} was decoded" for name, stream in (("speed", self.speed), ("yaw rate", self.yaw_rate)) if not stream.stamps_ns]
         for name, stream in self.radars.items():
             counts = self.health.sensors[name]
             if not stream.stamps_ns:
@@ -84,33 +94,38 @@ class Report:
 
 
 def check_log(config: Config, source: Path, path: Path) -> Report:
-    """Decodes a recording without mapping it. Raises EchogridError."""
+    """Decodes a recording without mapping it. Raises EchogridError where nothing of it can be read."""
     health = Health()
     reader = SignalReader(config, source, health)
+    log, traffic = Log(path), Traffic(config, reader)
     speed, yaw_rate = Stream(), Stream()
     radars: dict[str, Stream] = {radar.name: Stream() for radar in config.radar}
-    unknown: Counter[tuple[str, int]] = Counter()
-    times: list[float] = []  # of the first and the newest message
-    for message in Log(path):
-        times = [*times[:1], message.timestamp]
-        bus = bus_of(message, config.bus) or str(message.channel)
-        before = health.unknown_frames
-        for item in reader.add(bus, message):
-            if isinstance(item, RadarScan):
-                radars[item.sensor].stamps_ns.append(item.stamp_ns)
-                radars[item.sensor].detections.append(len(item))
-            else:
-                (speed if isinstance(item, Speed) else yaw_rate).stamps_ns.append(item.stamp_ns)
-        if health.unknown_frames > before:
-            unknown[bus, message.arbitration_id] += 1
-    return Report(health, times[-1] - times[0], speed, yaw_rate, radars, unknown)
+    torn: EchogridError | None = None
+    try:
+        for message in log:
+            bus = bus_of(message, config.bus)
+            traffic.add(bus, message)
+            for item in reader.add(bus or "", message):
+                if isinstance(item, RadarScan):
+                    radars[item.sensor].stamps_ns.append(item.stamp_ns)
+                    radars[item.sensor].detections.append(len(item))
+                else:
+                    (speed if isinstance(item, Speed) else yaw_rate).stamps_ns.append(item.stamp_ns)
+    except EchogridError as error:
+        if not log.messages:
+            raise
+        torn = error
+    return Report(health, log, traffic, torn, speed, yaw_rate, radars)
 
 
 def render(report: Report) -> str:
     """The report as lines of text."""
     health = report.health
-    lines = [f"{health.frames} frames in {report.seconds:.1f} s, {health.unknown_frames} of other ids, {health.bad_frames} bad, "]
-    lines[0] += f"{health.lost_frames} missing by their counters"
+    lines = [f"{health.frames} frames in {report.log.times.seconds:.1f} s, {health.unknown_frames} of other ids, "]
+    lines[0] += f"{health.bad_frames} bad, {health.lost_frames} missing by their counters"
+    if beside := report.log.account.summary():
+        lines.append(f"not data frames: {beside}")
+    lines += report.log.account.notes + report.log.times.notes()
     row = "{:<14}{:>8}{:>9}{:>10}{:>12}{:>10}{:>9}{:>12}".format
     lines.append(row("", "rate", "complete", "gap", "incomplete", "repeated", "bad crc", "detections"))
     for name, stream in (("speed", report.speed), ("yaw rate", report.yaw_rate)):
@@ -122,7 +137,7 @@ def render(report: Report) -> str:
         lines.append(
             row(name, f"{stream.rate_hz:.1f} Hz", len(stream.stamps_ns), gap, counts.incomplete, counts.repeated, counts.bad_crc, median)
         )
-    if report.unknown:
-        most = ", ".join(f"{bus} 0x{frame_id:X} ({count})" for (bus, frame_id), count in report.unknown.most_common(6))
+    if unread := report.traffic.unread.most_common(6):
+        most = ", ".join(f"{bus or channel} 0x{frame_id:X} ({count})" for (bus, channel, (frame_id, _)), count in unread)
         lines.append(f"other ids, most frequent first: {most}")
     return "\n".join(lines)

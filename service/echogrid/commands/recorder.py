@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import resource
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -49,12 +50,12 @@ class Recorder:
             self.trajectory.append(states[-1])
         return update
 
-    def write(self, out: Path, truth: Truth | None) -> dict[str, Any]:
-        """Ends the last cycle and writes all files into a folder, which is made; returns the summary."""
+    def write(self, out: Path, truth: Truth | None, faults: Sequence[str] = (), notes: Sequence[str] = ()) -> dict[str, Any]:
+        """Ends the last cycle and writes all files into a folder, which is made; returns the summary, with what the recording is like."""
         self.pipeline.mapper.end_cycle()
         out.mkdir(parents=True, exist_ok=True)
         digest = write_map(out, self.pipeline.mapper.map, self.trajectory)
-        summary = self._summary(digest, truth)
+        summary = self._summary(digest, truth) | {"faults": list(faults), "notes": list(notes)}
         (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
         return summary
 

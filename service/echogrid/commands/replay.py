@@ -12,6 +12,7 @@ from typing import Any
 from echogrid.can.signals import bus_of
 from echogrid.commands.recorder import Recorder, report
 from echogrid.commands.terminal import progress
+from echogrid.commands.traffic import Traffic
 from echogrid.config.loading import load_config
 from echogrid.errors import EchogridError
 from echogrid.logs.drive import Drive, find_drive, load_truth
@@ -29,6 +30,10 @@ def command(
     with progress(f"replay {path.name}") as advance:
         summary = replay(drive, out, realtime=realtime, model=model, record=record, store=store, on_progress=advance)
     report(summary, out)
+    for note in summary["notes"]:
+        print(f"note: {note}")
+    if summary["faults"]:
+        raise EchogridError(f"{drive.log}: {'; '.join(summary['faults'])}")
 
 
 def replay(
@@ -45,8 +50,9 @@ def replay(
 
     `record`: also write an MCAP file. `store`: also write the map's tiles into this file, which may already hold other maps.
 
-    A torn recording is mapped up to where it breaks off; the files are written, then EchogridError is raised. A recording with no id
-    that the configuration knows is refused with an EchogridError, and nothing is written.
+    A torn recording is mapped up to where it breaks off, and one with parts that cannot be understood without them; the files are written,
+    then EchogridError is raised. A recording with no id that the configuration knows, or that gives no map, is refused with an
+    EchogridError, and nothing is written. `faults` in the summary is what is wrong with the times, `notes` what else is worth a word.
     """
     config = load_config(drive.config, model)
     pipeline = Pipeline(config, drive.config)
@@ -54,13 +60,14 @@ def replay(
     log = Log(drive.log)
     recorder = Recorder(pipeline)
     torn: EchogridError | None = None
-    found: set[int] = set()  # ids, for the sentence about a log of another car
+    traffic = Traffic(config, pipeline.signals)
     with ExitStack() as opened:
         recording = None if record is None else opened.enter_context(ReplayRecording(record, pipeline))
         keeper: TileKeeper | None = None
         try:
             for message in log:
                 bus = bus_of(message, config.bus)
+                traffic.add(bus, message)
                 if store is not None and keeper is None:
                     keeper = opened.enter_context(pipeline.keep(store, round(message.timestamp * 1e9), threading.Lock()))
                 if realtime:
@@ -70,8 +77,6 @@ def replay(
                     recording.add(bus or str(message.channel), message, update)
                 if keeper is not None and keeper.due():
                     _flush(keeper)
-                if len(found) < 8:
-                    found.add(message.arbitration_id)
                 if on_progress is not None and log.messages % 256 == 0:
                     on_progress(log.progress)
         except EchogridError as error:
@@ -79,14 +84,20 @@ def replay(
         if pipeline.health.unknown_frames == pipeline.health.frames - pipeline.health.bad_frames:
             if recording is not None:
                 recording.discard()
-            raise torn or EchogridError(_nothing_known(drive, pipeline, found))
+            raise torn or EchogridError(_nothing_known(drive, pipeline, traffic))
+        faults = log.times.faults() + traffic.coarse(log.times)
+        pipeline.mapper.end_cycle()
+        if not pipeline.health.cycles:
+            if recording is not None:
+                recording.discard()
+            raise torn or EchogridError(f"{drive.log}: no map came of it: {'; '.join(faults) or _why_none(pipeline, traffic)}")
         if keeper is not None and torn is None:
             _flush(keeper)  # before the log is read, so that no frame has to wait
-        summary = recorder.write(out, truth)
+        summary = recorder.write(out, truth, faults, log.account.notes + log.times.notes())
         if keeper is not None and torn is None:
             _flush(keeper)
     if torn is not None:
-        raise EchogridError(f"{torn}; the map up to there is in {out}")
+        raise EchogridError(f"{torn}; the map {'up to there' if log.account.torn or not log.account.odd else 'of all else'} is in {out}")
     return summary
 
 
@@ -104,9 +115,15 @@ def _wait(timestamp: float, recorder: Recorder) -> None:
             time.sleep(ahead)
 
 
-def _nothing_known(drive: Drive, pipeline: Pipeline, found: set[int]) -> str:
+def _nothing_known(drive: Drive, pipeline: Pipeline, traffic: Traffic) -> str:
     expected = sorted({f"0x{frame_id:X}" for _, (frame_id, _) in pipeline.signals.readers})
-    return (
-        f"{drive.log}: none of its {pipeline.health.frames} frames is one that {drive.config} knows: found ids "
-        f"{', '.join(f'0x{frame_id:X}' for frame_id in sorted(found))} …, expected {', '.join(expected[:8])} …"
+    found = sorted({frame_id for _, _, (frame_id, _) in traffic.unread})[:8]
+    why = "; ".join(traffic.strangers()) or (
+        f"found ids {', '.join(f'0x{frame_id:X}' for frame_id in found)} …, expected {', '.join(expected[:8])} …"
     )
+    return f"{drive.log}: none of its {pipeline.health.frames} frames is one that {drive.config} knows: {why}"
+
+
+def _why_none(pipeline: Pipeline, traffic: Traffic) -> str:
+    scans = sum(sensor.complete for sensor in pipeline.health.sensors.values())
+    return "; ".join([f"it has {scans} complete scans and {traffic.motion} frames of ego motion", *traffic.strangers()])

@@ -1,73 +1,226 @@
-"""Vector's BLF through python-can, with bounds on what a file may make us read and unpack."""
+"""Vector's BLF: objects in containers, most of them packed. What is broken is told and stepped over; all else is read."""
 
 from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Generator
-from typing import BinaryIO
+from collections.abc import Iterator
+from datetime import UTC, datetime
 
-import can
+import numpy as np
 
-MOST_BYTES = 64 << 20  # of a header or object, packed or not; writers fill containers of some 100 KiB
-MOST_INSIDE = 1 << 20  # of an object in a container: an incomplete one is joined with what follows, over and over
+from echogrid.logs.account import Account
+from echogrid.logs.blf_objects import NAME, WANTED, decode
+from echogrid.logs.frame import Frame
+from echogrid.logs.stream import Stream, Window
+
+FILE_HEAD = struct.Struct("<4sI8xQQII8H8H")  # signature, size; sizes of file and content, objects, of them read; begin and end
 BASE = struct.Struct("<4sHHII")  # what every object begins with: signature, header's size and version, object's size and type
 CONTAINER = struct.Struct("<H6xI4x")  # method, unpacked size
 IN_CONTAINER, STORED, DEFLATED = 10, 0, 2
+MARK = b"LOBJ"
+_BASE = np.dtype([("mark", "<u4"), ("header", "<u2"), ("version", "<u2"), ("size", "<u4"), ("kind", "<u4")])
+_MARK, _WANTED = int.from_bytes(MARK, "little"), np.array(sorted(WANTED))
+PIECE = 1 << 17  # bytes that are unpacked at once
+MOST_BYTES = 1 << 20  # of an object that holds a frame
+MOST_SKIPPED, LAST_KIND = 1 << 28, 1 << 10  # of any object; what is more is none
 
 
-class Blf(can.BLFReader):
-    """Raises ValueError where python-can would go round in circles, or take memory without end."""
-
-    def __init__(self, file: BinaryIO) -> None:
-        super().__init__(_Bounded(file))  # type: ignore[arg-type]  # python-can only reads and closes it
-
-    def __iter__(self) -> Generator[can.Message, None, None]:
-        while base := self.file.read(BASE.size):
-            signature, _, _, size, kind = BASE.unpack(base)
-            if signature != b"LOBJ":
-                raise ValueError("no object where one should start")
-            body = self.file.read(size - BASE.size)
-            self.file.read(size % 4)
-            if kind == IN_CONTAINER:
-                data = _unpacked(body)
-                _check_sizes(self._tail + data)
-                yield from self._parse_container(data)
-        self.stop()
-
-
-class _Bounded:
-    """A file from which at most MOST_BYTES are read at once."""
-
-    def __init__(self, file: BinaryIO) -> None:
-        self._file = file
-        self.close = file.close
-
-    def read(self, count: int) -> bytes:
-        if not 0 <= count <= MOST_BYTES:
-            raise ValueError(f"an object of {count} bytes")
-        return self._file.read(count)
-
-
-def _unpacked(body: bytes) -> bytes:
-    method, _ = CONTAINER.unpack_from(body)
-    packed = body[CONTAINER.size :]
-    if method == STORED:
-        return packed
-    if method != DEFLATED:
-        raise ValueError(f"a container is compressed by the unknown method {method}")
-    unpacker = zlib.decompressobj()
-    data = unpacker.decompress(packed, MOST_BYTES)
-    if unpacker.unconsumed_tail:
-        raise ValueError(f"a container unpacks to more than {MOST_BYTES >> 20} MiB")
-    return data
+def read(stream: Stream, account: Account) -> Iterator[list[Frame]]:
+    """The frames, in groups; channels as the file numbers them, from 1. Raises ValueError where the file begins otherwise."""
+    window = Window(stream)
+    head = bytes(window.take(FILE_HEAD.size))
+    if len(head) < FILE_HEAD.size or head[:4] != b"LOGG":
+        raise ValueError("it is no BLF file: it begins otherwise")
+    _, size, promised, _, count, _, *dates = FILE_HEAD.unpack(head)
+    window.skip(max(size - FILE_HEAD.size, 0))
+    walk = _Walk(account, _seconds(dates[:8]))
+    while window.fill(BASE.size):
+        at = window.at
+        signature, header, _, size, kind = BASE.unpack_from(window.data)
+        if signature != MARK or not _likely(header, size, kind):
+            _step_over(window, walk, account)
+        elif kind == IN_CONTAINER:
+            yield from _container(window, walk, account, size)
+            window.skip(size % 4)
+        else:
+            yield from walk.add(window.take(min(size, MOST_BYTES)))
+            missing = size - min(size, MOST_BYTES)
+            if window.skip(missing) < missing or walk.left:
+                account.tear(f"its last object, at byte {at}, is torn")
+            window.skip(size % 4)
+    if window.data.strip(b"\0"):
+        account.tear(f"{len(window.data)} bytes follow its last whole object")
+    if walk.left and not account.odd:
+        account.tear(f"{walk.left} bytes follow its last whole object")
+    found = window.at + len(window.data)
+    if promised > found:
+        account.tear(f"its head promises {promised} bytes, there are {found}")
+    elif count > walk.objects and not account.odd and promised:
+        account.note(f"its head promises {count} objects, there are {walk.objects}")
 
 
-def _check_sizes(data: bytes) -> None:
-    """Raises ValueError where an object does not even hold its own beginning: python-can would read it again and again."""
-    at = data.find(b"LOBJ")
-    while 0 <= at <= len(data) - BASE.size:
-        size = BASE.unpack_from(data, at)[3]
-        if not BASE.size <= size <= MOST_INSIDE:
-            raise ValueError(f"an object of {size} bytes")
-        at = data.find(b"LOBJ", at + size, at + size + 8)
+def _likely(header: int, size: int, kind: int) -> bool:
+    """Whether an object may begin so."""
+    return BASE.size <= header <= size <= MOST_SKIPPED and kind <= LAST_KIND
+
+
+def _step_over(window: Window, walk: _Walk, account: Account) -> None:
+    at = window.at
+    skipped = len(window.take(1)) + window.skip_to(MARK)
+    if window.fill(1):
+        account.lost(f"{skipped} bytes at byte {at}")
+    elif account.torn or window.at - skipped < at:
+        return
+    else:
+        account.tear(f"{skipped} bytes follow its last whole object")
+    walk.doubted = True
+
+
+def _container(window: Window, walk: _Walk, account: Account, size: int) -> Iterator[list[Frame]]:
+    """The frames of one container, unpacked piece by piece."""
+    at, whole = window.at, False
+    head = window.take(BASE.size + CONTAINER.size)
+    left = size - len(head)
+    if len(head) < BASE.size + CONTAINER.size or left < 0:
+        account.tear(f"its last container, at byte {at}, is torn")
+        return
+    method, promised = CONTAINER.unpack_from(head, BASE.size)
+    unpacker = zlib.decompressobj() if method == DEFLATED else None
+    if method not in (STORED, DEFLATED):
+        account.lost(f"a container of {size} bytes at byte {at}, packed by the unknown method {method}")
+        walk.doubted = True
+        window.skip(left)
+        return
+    unpacked = 0
+    try:
+        while left > 0:
+            window.fill(1)
+            packed = bytes(window.take(min(left, len(window.data), PIECE)))
+            if not packed:
+                break
+            left -= len(packed)
+            while packed:
+                data = packed if unpacker is None else unpacker.decompress(packed, PIECE)
+                packed = b"" if unpacker is None else unpacker.unconsumed_tail
+                unpacked += len(data)
+                yield from walk.add(data)
+        whole = left == 0 and (unpacker is None or unpacker.eof)
+    except zlib.error:
+        pass
+    if not whole and left and not window.fill(1):
+        account.tear(f"its last container, at byte {at}, is torn")
+    elif not whole or (promised and unpacked != promised and unpacker is not None):
+        account.lost(f"a container of {size} bytes at byte {at}, which cannot be unpacked to its end")
+        walk.doubted = True
+        found = window.data.find(MARK)
+        window.skip(left if found < 0 or found >= left else found)  # its size may be the wrong thing about it
+        return
+    window.skip(left)
+
+
+class _Walk:
+    """Walks from object to object through what containers hold; an object may begin in one and end in the next."""
+
+    def __init__(self, account: Account, start: float) -> None:
+        self.account = account
+        self.start = start  # s since 1970
+        self.objects = 0
+        self._data = bytearray()
+        self._skip = 0  # bytes of an object that nobody wants
+        self.doubted = False  # what comes next may not continue what came before
+
+    @property
+    def left(self) -> int:
+        """Bytes of an object that has no end yet."""
+        return len(self._data) if self._data.strip(b"\0") else 0
+
+    def add(self, data: bytes | bytearray) -> Iterator[list[Frame]]:
+        """The frames that end in this piece."""
+        if self.doubted:
+            self._join(data)
+        if self._skip:
+            step = min(self._skip, len(data))
+            self._skip -= step
+            data = data[step:]
+        data = self._data + data
+        places, kinds, at = _chain(data) or self._walk(data)
+        wanted = np.isin(kinds, _WANTED)
+        if not wanted.all():
+            for kind, count in zip(*np.unique(kinds[~wanted], return_counts=True), strict=True):
+                self.account.others[NAME.get(int(kind), "objects of other kinds")] += int(count)
+            places, kinds = places[wanted], kinds[wanted]
+        self.objects += len(wanted)
+        if len(places):
+            yield decode(data, places, kinds, self.start, self.account)
+        self._data = data[at:]
+
+    def _walk(self, data: bytearray) -> tuple[np.ndarray, np.ndarray, int]:
+        """Places and kinds of the objects, one after the other, and where the last one ends; what is none is told."""
+        places: list[int] = []
+        kinds: list[int] = []
+        at, end = 0, len(data)
+        while end - at >= BASE.size:
+            signature, header, _, size, kind = BASE.unpack_from(data, at)
+            if signature != MARK or not _likely(header, size, kind) or (size > MOST_BYTES and kind in WANTED):
+                at += self._resync(data, at, len(places))
+                continue
+            if at + size > end:
+                if kind in WANTED:
+                    break
+                self._skip, size = at + size - end, end - at
+            places.append(at)
+            kinds.append(kind)
+            at += size
+        return np.array(places, np.int64), np.array(kinds, np.int64), at
+
+    def _join(self, data: bytes | bytearray) -> None:
+        """Between two pieces something was lost. An object goes on in the second if where it should end another one begins."""
+        self.doubted, self._skip = False, 0
+        size = BASE.unpack_from(self._data)[3] if len(self._data) >= BASE.size else 0
+        rest = size - len(self._data)
+        if data.startswith(MARK) or rest <= 0 or MARK not in data[rest : rest + 7]:
+            self._data = bytearray()
+
+    def _resync(self, data: bytearray, at: int, objects: int) -> int:
+        """How many bytes to step over. Up to 3 fill an object up; more are told."""
+        begins = data.startswith(MARK, at)
+        found = data.find(MARK, at + begins)
+        step = (found if found >= 0 else max(len(data) - len(MARK) + 1, at + 1)) - at
+        if begins or step >= len(MARK):
+            self.account.lost(f"{step} bytes behind object {self.objects + objects} of its containers")
+        return step
+
+
+def _chain(data: bytearray) -> tuple[np.ndarray, np.ndarray, int] | None:
+    """As `_walk`, at once, where every mark begins an object that ends at the next one; None where it is not so simple."""
+    if len(data) < 2 * BASE.size:
+        return None
+    words = (np.frombuffer(data, "<u4", (len(data) - shift) // 4, shift) for shift in range(4))
+    places = np.sort(np.concatenate([np.flatnonzero(of_shift == _MARK) * 4 + shift for shift, of_shift in enumerate(words)]))
+    while len(places) and places[-1] > len(data) - BASE.size:
+        places = places[:-1]
+    if not len(places) or places[0] > 3:
+        return None
+    heads = np.ndarray(len(data) - BASE.size + 1, _BASE, data, strides=(1,))[places]
+    ends = places + heads["size"]
+    gaps = places[1:] - ends[:-1]
+    if (gaps < 0).any() or (gaps > 3).any() or (heads["header"] < BASE.size).any() or (heads["header"] > heads["size"]).any():
+        return None
+    kinds, at = heads["kind"].astype(np.int64), int(ends[-1])
+    if at > len(data):
+        if heads["size"][-1] > MOST_BYTES or kinds[-1] not in WANTED:
+            return None
+        places, kinds, at = places[:-1], kinds[:-1], int(places[-1])
+    elif len(data) - at >= BASE.size + 4:
+        return None
+    return (places, kinds, at) if kinds.size and kinds.max() <= LAST_KIND and heads["size"].max() <= MOST_BYTES else None
+
+
+def _seconds(written: list[int]) -> float:
+    """A date as Windows writes it, taken as UTC, in seconds since 1970; 0 for none."""
+    year, month, _, day, hour, minute, second, milliseconds = written
+    try:
+        return datetime(year, month, day, hour, minute, second, milliseconds * 1000, tzinfo=UTC).timestamp()
+    except ValueError:
+        return 0.0

@@ -13,7 +13,8 @@ from echogrid.core.messages import Floats
 from echogrid.errors import EchogridError
 
 MOST_BYTES = 1 << 30  # that a truth file unpacks to
-LOGS = ("can.log.gz", "can.log", "can.blf", "can.asc", "can.mf4", "can.trc", "can.mcap")
+ENDINGS = (".log", ".blf", ".asc", ".mf4", ".trc", ".mcap", ".csv", ".pcap", ".pcapng", ".db")
+LOGS = tuple(f"can{ending}{packing}" for ending in ENDINGS for packing in (".gz", ".zst", ""))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +56,7 @@ def find_drive(path: Path, config: Path | None) -> Drive:
         return Drive(config, path, path.parent / "truth.npz")
     log = next((path / name for name in LOGS if (path / name).is_file()), None)
     if log is None:
-        raise EchogridError(f"{path}: holds no recording, expected one of {', '.join(LOGS)}")
+        raise EchogridError(f"{path}: holds no recording, expected one of can.log.gz, {', '.join(f'can{ending}' for ending in ENDINGS)}")
     return Drive(config or path / "echogrid.toml", log, path / "truth.npz")
 
 

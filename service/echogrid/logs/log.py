@@ -1,24 +1,35 @@
-"""Recordings of CAN traffic, by the file's ending: every format that python-can reads, and our own."""
+"""Recordings of CAN traffic, by the file's ending."""
 
 from __future__ import annotations
 
-import gzip
-import io
-import sqlite3
-from collections.abc import Iterator
-from contextlib import closing
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import can
-from can.io.player import MESSAGE_READERS
 
 from echogrid.errors import EchogridError
-from echogrid.logs.blf import Blf
+from echogrid.logs import asc, blf, candump, csv_log, library, pcap, trc
+from echogrid.logs.account import Account
+from echogrid.logs.frame import Frame, as_messages
+from echogrid.logs.stream import Stream
+from echogrid.logs.times import Times, settled
 
-LONGEST_LINE = 1 << 16  # characters
-END_OF_TIME = 2**31  # s, either way of 1970: what ROS's stamps hold
-TEXT, BINARY, BY_PATH, OURS = (".asc", ".csv", ".log", ".trc"), (".blf",), (".db", ".mf4"), (".mcap",)
+Reader = Callable[[Stream, Account], Iterator[list[Frame]]]
+OURS: dict[str, Reader] = {
+    ".asc": asc.read,
+    ".blf": blf.read,
+    ".csv": csv_log.read,
+    ".log": candump.read,
+    ".pcap": pcap.read,
+    ".pcapng": pcap.read,
+    ".trc": trc.read,
+}
+HEADLESS = (".log", ".csv")  # formats that cannot say what their times are
+BY_PATH = {".db": library.read_sqlite, ".mf4": library.read_mf4}
+PACKED = (".gz", ".zst")
+MOST_UNPACKED = 16 << 30  # bytes of a packed file that a library reads from disk
 EXTRAS = {  # what reads an ending, where it is not installed with the service
     ".mf4": "the package asammdf: pip install asammdf",
     ".mcap": "the extra mcap: pip install 'echogrid[mcap]'",
@@ -28,19 +39,23 @@ EXTRAS = {  # what reads an ending, where it is not installed with the service
 class Log:
     """Iterates over the messages of a recording, in the file's order. `progress` is the share of the file read so far, 0 to 1.
 
-    Raises EchogridError where the file cannot be read: at once for an unknown ending or a missing file, in the course of it for
-    garbage or a torn end, after the last message that could be read.
+    `account` and `times` say what was in it, complete at the end. Raises EchogridError at once for an unknown ending or a missing file, and
+    after the last message that could be read where anything was not understood or torn.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.messages = 0
+        self.account = Account()
+        self.times = Times()
         suffixes = [suffix.lower() for suffix in path.suffixes]
-        self._zipped = suffixes[-1:] == [".gz"]
-        self._suffix = "".join(suffixes[-2:-1] if self._zipped else suffixes[-1:])
-        if self._suffix not in (*MESSAGE_READERS, *OURS) or (self._zipped and self._suffix in (*BY_PATH, *OURS)):
-            expected = " ".join((*TEXT, *BINARY, *BY_PATH, *OURS))
-            raise EchogridError(f"{path}: is not a known log format, expected one of {expected} (text and .blf also with .gz)")
+        self._packing = suffixes.pop() if suffixes and suffixes[-1] in PACKED else ""
+        self._suffix = suffixes[-1] if suffixes else ""
+        known = (*OURS, *BY_PATH, ".mcap")
+        if self._suffix not in known:
+            raise EchogridError(
+                f"{path}: is not a known log format, expected one of {' '.join(sorted(known))}, each also with {' or '.join(PACKED)}"
+            )
         try:
             self._size = path.stat().st_size
             self._raw = path.open("rb")
@@ -54,60 +69,52 @@ class Log:
     def __iter__(self) -> Iterator[can.Message]:
         try:
             with self._raw:
-                reader = self._reader()  # kept until the file is closed: what it wraps would else complain
-                for message in reader:
-                    _check(message)
-                    self.messages += 1
-                    yield message
+                for group in self._groups():
+                    self.times.add(group)
+                    for message in group:
+                        self.messages += 1
+                        yield message
         except (EchogridError, GeneratorExit):
             raise
         except ImportError as error:
             needed = EXTRAS.get(self._suffix, str(error))
             raise EchogridError(f"{self.path}: reading {self._suffix} files needs {needed}") from error
-        except Exception as error:  # python-can's readers raise whatever garbage makes them stumble over
-            what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        except Exception as error:  # libraries raise whatever garbage makes them stumble over
+            what = str(error) if type(error) is ValueError else f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
             raise EchogridError(f"{self.path}: cannot be read beyond message {self.messages}: {what}") from error
+        faults = self.account.faults(self.messages)
         if not self.messages:
-            raise EchogridError(f"{self.path}: holds no CAN message")
+            faults.insert(0, "holds no CAN message")
+        if faults:
+            raise EchogridError(f"{self.path}: {'; '.join(faults)}")
 
-    def _reader(self) -> Any:
-        if self._suffix in OURS:
+    def _groups(self) -> Iterator[list[can.Message]]:
+        if self._suffix in BY_PATH:
+            yield from self._by_path()
+            return
+        stream = Stream(self._raw, self._packing, self.account)
+        if self._suffix == ".mcap":
             from echogrid.logs.mcap_log import McapLog  # an extra
 
-            return McapLog(self._raw)
-        reader: Any = Blf if self._suffix == ".blf" else MESSAGE_READERS[self._suffix]
-        if self._suffix == ".db":
-            _check_database(self.path)
-        if self._suffix in BY_PATH:
-            return reader(self.path)
-        stream: Any = gzip.GzipFile(fileobj=self._raw) if self._zipped else self._raw
-        return reader(_Lines(stream, encoding="utf-8", errors="strict") if self._suffix in TEXT else stream)
+            for message in McapLog(stream.file()):
+                library.check(message)
+                yield [message]
+            return
+        groups = OURS[self._suffix](stream, self.account)
+        if self._suffix in HEADLESS:
+            groups = settled(groups, self.account)
+        yield from map(as_messages, groups)
 
-
-class _Lines(io.TextIOWrapper):
-    """Iterates over lines; one without an end is an error and not a gigabyte of memory."""
-
-    def __next__(self) -> str:  # type: ignore[override]  # as in TextIOWrapper, whose stub says so of IOBase itself
-        line = self.readline(LONGEST_LINE + 1)
-        if not line:
-            raise StopIteration
-        if len(line) > LONGEST_LINE:
-            raise ValueError(f"a line has more than {LONGEST_LINE} characters")
-        return line
-
-
-def _check(message: can.Message) -> None:
-    """Raises ValueError for what no reader should have accepted: SQLite and text can hold numbers that are not a time or an id."""
-    if not (isinstance(message.timestamp, int | float) and abs(message.timestamp) < END_OF_TIME):
-        raise ValueError(f"the next message's time is {message.timestamp!r}")
-    if not isinstance(message.arbitration_id, int):
-        raise ValueError(f"the next message's id is {message.arbitration_id!r}")
-
-
-def _check_database(path: Path) -> None:
-    """Raises ValueError unless the messages are in a plain table: a view or a computed column may never end."""
-    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
-        kinds = [kind for (kind,) in database.execute("SELECT type FROM pragma_table_list WHERE schema = 'main' AND name = 'messages'")]
-        computed = database.execute("SELECT count(*) FROM pragma_table_xinfo('messages') WHERE hidden").fetchone()
-    if kinds != ["table"] or computed != (0,):
-        raise ValueError("the database has no plain table 'messages'")
+    def _by_path(self) -> Iterator[list[can.Message]]:
+        if not self._packing:
+            yield from BY_PATH[self._suffix](self.path, self.account)
+            return
+        with tempfile.TemporaryDirectory(prefix="echogrid-") as folder:
+            path = Path(folder) / f"unpacked{self._suffix}"
+            stream = Stream(self._raw, self._packing, self.account)
+            with path.open("wb") as file:
+                for chunk in stream.chunks():
+                    if stream.length > min(MOST_UNPACKED, shutil.disk_usage(folder).free):
+                        raise ValueError(f"it unpacks to more than {stream.length >> 20} MiB, for which there is no room")
+                    file.write(chunk)
+            yield from BY_PATH[self._suffix](path, self.account)

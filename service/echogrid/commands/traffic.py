@@ -1,0 +1,75 @@
+"""What a recording's frames are to a configuration, where they are not what it reads."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import can
+
+from echogrid.can.radar import FrameId, RadarReader
+from echogrid.can.signals import SignalReader
+from echogrid.config.tables import Config
+from echogrid.logs.times import Times
+
+MOST_IDS = 1 << 16  # that are counted; garbage has more
+MOST_REPEATED = 0.3  # of the frames of ego motion: what has the time of the sample before it moves no car
+
+
+class Traffic:
+    """Remembers frames that nobody reads by channel and id, and frames of ego motion that have the time of the one before."""
+
+    def __init__(self, config: Config, signals: SignalReader) -> None:
+        self.unread: Counter[tuple[str | None, str | int, FrameId]] = Counter()  # bus, None where the channel is none of them
+        self.motion = self.repeated = 0
+        self._config = config
+        self._readers = signals.readers
+        self._motion = config.motion.bus, set(signals.ids(config.motion.bus))
+        self._newest: dict[FrameId, float] = {}
+
+    def add(self, bus: str | None, message: can.Message) -> None:
+        """A frame of the recording, and the bus that it belongs to."""
+        if message.is_error_frame:
+            return
+        frame_id, channel = (message.arbitration_id, message.is_extended_id), message.channel
+        if bus is None or (bus, frame_id) not in self._readers:
+            if len(self.unread) < MOST_IDS:
+                self.unread[bus, channel if isinstance(channel, int) else str(channel or ""), frame_id] += 1
+        elif bus == self._motion[0] and not isinstance(self._readers[bus, frame_id], RadarReader):
+            self.motion += 1
+            self.repeated += self._newest.get(frame_id) == message.timestamp
+            self._newest[frame_id] = message.timestamp
+
+    def coarse(self, times: Times) -> list[str]:
+        """Says so where times are too coarse for dead reckoning."""
+        if times.seconds == 0 or self.repeated <= MOST_REPEATED * self.motion:
+            return []
+        return [
+            f"its times are too coarse: they go on in steps of {times.finest:.3g} s, "
+            f"and {self.repeated} of {self.motion} frames of ego motion have the time of the one before"
+        ]
+
+    def strangers(self) -> list[str]:
+        """Why frames whose ids are read are not: their channel is another, is not said, or their ids have another length."""
+        said = []
+        expected = {frame_id for _, frame_id in self._readers}
+        for channel in dict.fromkeys(channel for bus, channel, _ in self.unread if bus is None):
+            fitting = {frame_id for bus, other, frame_id in self.unread if bus is None and other == channel} & expected
+            if not fitting:
+                continue
+            if channel == "":
+                said.append("it does not say channels, so its buses cannot be told apart")
+                continue
+            fits = Counter(bus for bus, frame_id in self._readers if frame_id in fitting)
+            bus = next(bus for bus in self._config.bus if bus.name == fits.most_common(1)[0][0])
+            shown = str(channel) if isinstance(channel, int) else f'"{channel}"'
+            said.append(
+                f"frames with ids that are read are of channel {shown.replace(chr(34), chr(39))}, expected '{bus.logged_as}': "
+                f"give log_channel = {shown} to the bus '{bus.name}'"
+            )
+        found = {frame_id for _, _, frame_id in self.unread} - expected
+        longer = sorted(number for number, extended in found if (number, not extended) in expected)
+        if longer:
+            extended = (longer[0], False) in expected
+            lengths = ("29", "11") if extended else ("11", "29")
+            said.append(f"ids such as 0x{longer[0]:X} are there with {lengths[0]} bits, expected with {lengths[1]}")
+        return said

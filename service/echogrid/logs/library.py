@@ -1,0 +1,80 @@
+"""Formats that are not ours to read: SQLite and MF4, through python-can."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import can
+
+from echogrid.logs.account import Account
+from echogrid.logs.times import END_OF_TIME
+
+GROUP = 256  # frames
+
+
+def read_sqlite(path: Path, account: Account) -> Iterator[list[can.Message]]:
+    """The frames of python-can's table `messages`, in groups; it knows no channels. Raises ValueError and sqlite3's errors."""
+    _check_database(path)
+    reader = can.SqliteReader(path)
+    try:
+        yield from _grouped(iter(reader), account)
+    finally:
+        reader.stop()
+
+
+def read_mf4(path: Path, account: Account) -> Iterator[list[can.Message]]:
+    """The frames of a bus logging, in groups; channels as the file numbers them. Raises ImportError where asammdf is missing."""
+    import asammdf  # type: ignore[import-not-found,unused-ignore]  # nobody else needs it
+
+    account.note(f"it was read by asammdf {asammdf.__version__}, which does not say what it leaves out")
+    reader = can.MF4Reader(path)
+    try:
+        yield from _grouped(_with_ids(reader), account)
+    finally:
+        reader.stop()
+
+
+def _with_ids(reader: can.MF4Reader) -> Iterator[can.Message]:
+    """Without CAN_DataFrame.IDE a file does not say how long its ids are. python-can takes all for 29 bits; the small ones are not."""
+    silent = not any("IDE" in channel.name for group in reader._mdf.groups for channel in group.channels)
+    for message in reader:
+        if silent:
+            message.is_extended_id = message.arbitration_id > 0x7FF
+        yield message
+
+
+def _grouped(messages: Iterator[can.Message], account: Account) -> Iterator[list[can.Message]]:
+    group: list[can.Message] = []
+    try:
+        for message in messages:
+            check(message)
+            account.errors += message.is_error_frame
+            account.remote += message.is_remote_frame
+            group.append(message)
+            if len(group) == GROUP:
+                yield group
+                group = []
+    except Exception:  # what was read before is given; the caller says the rest
+        yield group
+        raise
+    yield group
+
+
+def check(message: can.Message) -> None:
+    """Raises ValueError for what no reader should have taken: SQLite and MCAP hold numbers that are no time, or no id."""
+    if not (isinstance(message.timestamp, int | float) and abs(message.timestamp) < END_OF_TIME):
+        raise ValueError(f"the next message's time is {message.timestamp!r}")
+    if not isinstance(message.arbitration_id, int):
+        raise ValueError(f"the next message's id is {message.arbitration_id!r}")
+
+
+def _check_database(path: Path) -> None:
+    """Raises ValueError unless the messages lie there as such: a view or a computed column can go on for ever."""
+    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
+        kinds = [kind for (kind,) in database.execute("SELECT type FROM pragma_table_list WHERE schema = 'main' AND name = 'messages'")]
+        computed = database.execute("SELECT count(*) FROM pragma_table_xinfo('messages') WHERE hidden").fetchone()
+    if kinds != ["table"] or computed != (0,):
+        raise ValueError("the database has no plain table 'messages'")
