@@ -451,7 +451,7 @@ def test_who_may_look_may_ask_for_anything_and_gets_what_it_may_see(port: int, w
             look()
             time.sleep(0.01)
         assert seen - {FLEET_KEY} == expected
-        asked = set[str]()
+        asked, deadline = set[str](), time.monotonic() + PATIENCE
         while asked != tokens and time.monotonic() < deadline:  # a busy router may answer later than a query waits
             asked |= {str(reply.ok.key_expr) for reply in session.liveliness().get(wide, timeout=0.5) if reply.ok is not None}
         assert tokens == asked

@@ -72,4 +72,4 @@ def checksum(algorithm: str, data_id: tuple[int, ...], bits: int, at: int) -> Su
     compute, expected, most = BY_ID[algorithm]
     if len(data_id) != 1 or not 0 <= data_id[0] <= most or bits != expected:
         raise ValueError(f"{algorithm} expects a data_id of one number from 0 to {most} and a checksum of {expected} bits")
-    return partial(compute, data_id=data_id[0], at=at)
+    return lambda data: compute(data, data_id[0], at)
