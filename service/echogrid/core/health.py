@@ -31,7 +31,7 @@ class Health:
 
     frames: int = 0
     unknown_frames: int = 0  # ids that the configuration does not name: normal on a shared bus
-    bad_frames: int = 0  # too short, remote or error frames, wrong checksum, repeated counter, no number, back in time
+    bad_frames: int = 0  # too short, remote, wrong checksum, repeated counter, no number, back in time
     lost_frames: int = 0  # by the counters of motion messages: how many are missing
     motion_dropped: int = 0  # ego motion not newer than the last one
     motion_implausible: int = 0  # ego motion that no car can show
