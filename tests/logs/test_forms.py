@@ -10,7 +10,7 @@ import pytest
 from tests.support import recorded
 
 from echogrid.errors import EchogridError
-from echogrid.logs.dates import seconds_of
+from echogrid.logs.formats.dates import seconds_of
 from echogrid.logs.log import Log
 
 

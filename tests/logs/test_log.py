@@ -18,8 +18,8 @@ from tests.support.frames import radar_cycle, wheel_speeds
 from echogrid.can.signals import bus_of
 from echogrid.config.tables import Bus
 from echogrid.errors import EchogridError
+from echogrid.logs.formats.stream import LONGEST_LINE
 from echogrid.logs.log import Log
-from echogrid.logs.stream import LONGEST_LINE
 
 MESSAGES = [wheel_speeds(3.0, n, 1000.0 + n / 100) for n in range(20)]
 FD = radar_cycle([(5.0, 0.1, -1.0)] * 20, 1, 1000.5)

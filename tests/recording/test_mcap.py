@@ -26,7 +26,7 @@ from tests.support.frames import FRAMES
 
 from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
-from echogrid.logs import mcap_log
+from echogrid.logs.formats import mcap_log
 from echogrid.logs.log import Log
 from echogrid.recording import mcap_recorder, mcap_writer
 from echogrid.recording.mcap_recorder import FRAME_BYTES, McapRecorder

@@ -9,7 +9,7 @@ import can
 from echogrid.can.radar import FrameId, RadarReader
 from echogrid.can.signals import SignalReader
 from echogrid.config.tables import Config
-from echogrid.logs.times import Times
+from echogrid.logs.formats.times import Times
 
 MOST_IDS = 1 << 16  # that are counted; garbage has more
 MOST_REPEATED = 0.3  # of the frames of ego motion: what has the time of the sample before it moves no car

@@ -1,1 +1,1 @@
-"""How files become CAN frames: log formats and drive folders."""
+"""How files become CAN frames: a recording of any format, and drive folders."""

@@ -10,11 +10,11 @@ from pathlib import Path
 import can
 
 from echogrid.errors import EchogridError
-from echogrid.logs import asc, blf, candump, csv_log, library, pcap, trc
-from echogrid.logs.account import Account
-from echogrid.logs.frame import Frame, as_messages
-from echogrid.logs.stream import Stream
-from echogrid.logs.times import Times, settled
+from echogrid.logs.formats import asc, blf, candump, csv_log, library, pcap, trc
+from echogrid.logs.formats.account import Account
+from echogrid.logs.formats.frame import Frame, as_messages
+from echogrid.logs.formats.stream import Stream
+from echogrid.logs.formats.times import Times, settled
 
 Reader = Callable[[Stream, Account], Iterator[list[Frame]]]
 OURS: dict[str, Reader] = {
@@ -94,7 +94,7 @@ class Log:
             return
         stream = Stream(self._raw, self._packing, self.account)
         if self._suffix == ".mcap":
-            from echogrid.logs.mcap_log import McapLog  # an extra
+            from echogrid.logs.formats.mcap_log import McapLog  # an extra
 
             for message in McapLog(stream.file()):
                 library.check(message)

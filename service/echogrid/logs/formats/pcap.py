@@ -6,10 +6,10 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from echogrid.logs.account import Account
-from echogrid.logs.frame import Frame
-from echogrid.logs.stream import Stream, Window
-from echogrid.logs.times import END_OF_TIME
+from echogrid.logs.formats.account import Account
+from echogrid.logs.formats.frame import Frame
+from echogrid.logs.formats.stream import Stream, Window
+from echogrid.logs.formats.times import END_OF_TIME
 
 SOCKETCAN = 227
 EFF, RTR, ERR = 0x80000000, 0x40000000, 0x20000000

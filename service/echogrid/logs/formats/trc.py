@@ -8,11 +8,11 @@ from collections.abc import Iterator
 
 from can.util import dlc2len
 
-from echogrid.logs.account import Account
-from echogrid.logs.dates import seconds_of, seconds_of_days
-from echogrid.logs.frame import Frame, error_frame
-from echogrid.logs.stream import Stream
-from echogrid.logs.times import END_OF_TIME
+from echogrid.logs.formats.account import Account
+from echogrid.logs.formats.dates import seconds_of, seconds_of_days
+from echogrid.logs.formats.frame import Frame, error_frame
+from echogrid.logs.formats.stream import Stream
+from echogrid.logs.formats.times import END_OF_TIME
 
 COLUMNS = {"1.0": "NOILD", "1.1": "NOdILD", "1.2": "NOBdILD", "1.3": "NOBdIRLD", "2.0": "NOTIdlD", "2.1": "NOTBIdRLD"}
 FD = {"FD": (False, False), "FB": (True, False), "FE": (True, True), "BI": (False, True)}  # bit rate switch, error state

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from can.util import dlc2len
 
-from echogrid.logs.account import Account
-from echogrid.logs.frame import Frame
-from echogrid.logs.times import END_OF_TIME
+from echogrid.logs.formats.account import Account
+from echogrid.logs.formats.frame import Frame
+from echogrid.logs.formats.times import END_OF_TIME
 
 EXTENDED = 0x80000000
 CAN, CAN2, CAN_ERROR, ERROR_EXT, FD, FD64, FD_ERROR64 = 1, 86, 2, 73, 100, 101, 104

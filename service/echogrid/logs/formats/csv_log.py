@@ -10,10 +10,10 @@ from itertools import repeat, starmap
 
 from can.util import dlc2len
 
-from echogrid.logs.account import Account
-from echogrid.logs.frame import Frame
-from echogrid.logs.stream import Stream
-from echogrid.logs.times import END_OF_TIME
+from echogrid.logs.formats.account import Account
+from echogrid.logs.formats.frame import Frame
+from echogrid.logs.formats.stream import Stream
+from echogrid.logs.formats.times import END_OF_TIME
 
 EXTENDED = 0x1FFFFFFF
 LENGTHS = {str(length): (length, dlc2len(length)) for length in range(65)}  # what may stand under dlc: bytes, or CAN FD's code for them

@@ -10,11 +10,11 @@ from itertools import count
 
 from can.util import dlc2len
 
-from echogrid.logs.account import Account
-from echogrid.logs.dates import seconds_of
-from echogrid.logs.frame import Frame, error_frame
-from echogrid.logs.stream import Stream
-from echogrid.logs.times import END_OF_TIME
+from echogrid.logs.formats.account import Account
+from echogrid.logs.formats.dates import seconds_of
+from echogrid.logs.formats.frame import Frame, error_frame
+from echogrid.logs.formats.stream import Stream
+from echogrid.logs.formats.times import END_OF_TIME
 
 EXTENDED = 0x1FFFFFFF
 EDL, REMOTE = 0x1000, 0x10  # among the flags of a CANFD line

@@ -9,10 +9,10 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from echogrid.logs.account import Account
-from echogrid.logs.blf_objects import NAME, WANTED, decode
-from echogrid.logs.frame import Frame
-from echogrid.logs.stream import Stream, Window
+from echogrid.logs.formats.account import Account
+from echogrid.logs.formats.blf_objects import NAME, WANTED, decode
+from echogrid.logs.formats.frame import Frame
+from echogrid.logs.formats.stream import Stream, Window
 
 FILE_HEAD = struct.Struct("<4sI8xQQII8H8H")  # signature, size; sizes of file and content, objects, of them read; begin and end
 BASE = struct.Struct("<4sHHII")  # what every object begins with: signature, header's size and version, object's size and type

@@ -9,7 +9,7 @@ from typing import BinaryIO, cast
 
 import zstandard
 
-from echogrid.logs.account import Account
+from echogrid.logs.formats.account import Account
 
 CHUNK = 1 << 16  # bytes
 LONGEST_LINE = 1 << 16  # bytes

@@ -8,10 +8,10 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 from itertools import repeat, starmap
 
-from echogrid.logs.account import Account
-from echogrid.logs.frame import Frame
-from echogrid.logs.stream import Stream
-from echogrid.logs.times import END_OF_TIME
+from echogrid.logs.formats.account import Account
+from echogrid.logs.formats.frame import Frame
+from echogrid.logs.formats.stream import Stream
+from echogrid.logs.formats.times import END_OF_TIME
 
 ERROR, EXTENDED = 0x20000000, 0x1FFFFFFF
 FLAGS = {"": 0} | {digit: int(digit, 16) for digit in "0123456789ABCDEFabcdef"}  # behind ##; none for a classic frame

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import can
 
-from echogrid.logs.account import Account
-from echogrid.logs.times import END_OF_TIME
+from echogrid.logs.formats.account import Account
+from echogrid.logs.formats.times import END_OF_TIME
 
 GROUP = 256  # frames
 

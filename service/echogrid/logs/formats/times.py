@@ -9,8 +9,8 @@ from operator import attrgetter
 import can
 import numpy as np
 
-from echogrid.logs.account import Account
-from echogrid.logs.frame import Frame
+from echogrid.logs.formats.account import Account
+from echogrid.logs.formats.frame import Frame
 
 END_OF_TIME = 2**31  # s, either way of 1970: what ROS's stamps hold
 DATED_FROM = 631_152_000  # s: no CAN recording is from before 1990
