@@ -49,7 +49,7 @@ class Car:
         self.updates += 1
         row, column = self.rng.integers(0, (5, 6)).tolist()
         side = SIDE * SPEC.cell
-        said = self.rng.uniform(0.1, 1, (3, 32, 32)).astype(np.float32)
+        said = self.rng.uniform(0.1, 1, (2, 32, 32)).astype(np.float32)
         view = View(self.updates * 10**9, np.ones((32, 32), np.uint16))
         self.map.integrate(said, SE2((column + 0.5) * side, (row + 0.5) * side, 0.3), view)
         return row, column

@@ -23,7 +23,7 @@ def foreign_database(path: Path) -> None:
 def other_tables(path: Path) -> None:
     connection = sqlite3.connect(path)
     connection.executescript(
-        "PRAGMA application_id = 0x65676d70; PRAGMA user_version = 1; CREATE TABLE tile(a); CREATE VIEW epoch AS SELECT 1"
+        "PRAGMA application_id = 0x65676d70; PRAGMA user_version = 2; CREATE TABLE tile(a); CREATE VIEW epoch AS SELECT 1"
     )
     connection.close()
 
@@ -31,7 +31,7 @@ def other_tables(path: Path) -> None:
 def newer(path: Path) -> None:
     TileStore(path, write=True).close()
     connection = sqlite3.connect(path)
-    connection.execute("PRAGMA user_version = 2")
+    connection.execute("PRAGMA user_version = 3")
     connection.close()
 
 
@@ -43,7 +43,7 @@ def newer(path: Path) -> None:
         (lambda path: path.write_text("[map]"), "is not a map of echogrid: it is not an SQLite file"),
         (foreign_database, "is not a map of echogrid: application id 0x00000000 found, expected 0x65676D70"),
         (other_tables, "is not a map of echogrid: tables epoch, tile found, expected epoch, tile as this version makes them"),
-        (newer, "a map of version 2 found, expected 1: update echogrid, or name another file"),
+        (newer, "a map of version 3 found, expected 2: update echogrid, or name another file"),
     ],
 )
 def test_another_file_is_one_sentence_and_stays_as_it_is(tmp_path: Path, make: object, sentence: str, write: bool) -> None:

@@ -40,7 +40,7 @@ class Car:
         self.seconds += 1
         pose = SE2((column + 0.5) * SIDE_M, (row + 0.5) * SIDE_M, 0.3)
         view = View(self.seconds * 10**9, np.ones((32, 32), np.uint16))
-        self.map.integrate(self.rng.uniform(0.1, 1, (3, 32, 32)).astype(np.float32), pose, view)
+        self.map.integrate(self.rng.uniform(0.1, 1, (2, 32, 32)).astype(np.float32), pose, view)
 
     def drive(self, updates: int) -> None:
         for _ in range(updates):

@@ -29,14 +29,14 @@ def random_tiles(seed: int, keys: tuple[TileKey, ...] = ((0, 0), (0, 1), (-1, 3)
     rng = np.random.default_rng(seed)
     tiles = {}
     for key in keys:
-        tile = tiles[key] = Tile.empty(4 if kind == "looks" else 1)
+        tile = tiles[key] = Tile.empty(5 if kind == "looks" else 1)
         some = rng.uniform(size=(SIDE, SIDE)) < 0.1
         some[:20] = False
         tile.layers[:] = np.where(some, rng.normal(0, 1, tile.layers.shape).clip(-3.5, 3.5), 0)
         if kind == "looks":
-            tile.layers[2] = np.where(some, rng.uniform(0.25, 5, some.shape), 0)
-            tile.layers[1] = tile.layers[2] * rng.uniform(0, 1, some.shape)
-            tile.layers[3][rng.uniform(size=some.shape) < 0.5] = 0
+            tile.layers[1] = np.where(some, rng.uniform(0.25, 5, some.shape), 0)
+            tile.layers[2:] = np.where(some, rng.integers(0, 9, (3, *some.shape)), 0)
+            tile.layers[2:, rng.uniform(size=some.shape) < 0.5] = 0
         tile.seen_s[:] = np.where(some, rng.integers(1_700_000_000, 1_700_000_900, some.shape), 0)
         tile.radars[:] = np.where(some, rng.integers(1, 8, some.shape), 0)
     return tiles

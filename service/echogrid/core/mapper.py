@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.core.evidence.beams import Beams
 from echogrid.core.evidence.history import Detections, History, Looks, Surroundings
 from echogrid.core.evidence.raster import GridSpec, Image
 from echogrid.core.health import Health
@@ -117,11 +118,15 @@ class Mapper:
         static = found.chosen(standing & ~beside_movers(found.points, ~standing, self.noise))
         self.health.cycles += 1
         self.health.static_detections += len(static)
-        if self.map.takes(ego.odom_from_base):
+        view = self._view(placed, ego.stamp_ns)
+        takes = self.map.takes(ego.odom_from_base)
+        if self.map.reach:
+            self.map.measure(self._beams(placed, ego), ego.odom_from_base, view)
+        if takes:
             self.history.add(static, self._looks(placed, ego), ego.odom_from_base, self.odometry.distance)
             said = self.infer(self.history.surroundings(ego.odom_from_base, self._live(ego.stamp_ns)))
-            self.map.integrate(said, ego.odom_from_base, self._view(placed, ego.stamp_ns))
-            self.health.tiles_forgotten = self.map.forgotten
+            self.map.integrate(said, ego.odom_from_base, view)
+        self.health.tiles_forgotten = self.map.forgotten
         self.watch.mapped_ns = max(one.scan.received_ns for one in placed)
         return MapUpdate(ego, static.points)
 
@@ -146,7 +151,7 @@ class Mapper:
             mount = self.mounts[scan.sensor]
             near = scan.within(mount.max_range)
             sigmas = deviation(near.azimuth, near.range_rate, near.ambiguity, mount, ego.speed, ego.yaw_rate, self.noise)
-            placed.append(PlacedScan(near, mount, ego, sigmas))
+            placed.append(PlacedScan(near, mount, ego, sigmas, scan))
         self.health.scans_without_pose += len(scans) - len(placed)
         return placed
 
@@ -180,6 +185,21 @@ class Mapper:
             origins = np.broadcast_to((now_from_sensor.x, now_from_sensor.y), in_sensor.shape)
             parts.append(Detections(now_from_sensor.apply(in_sensor), origins, one.scan.rcs, one.deviation))
         return Detections.joined(parts)
+
+    def _beams(self, placed: list[PlacedScan], now: EgoState) -> Beams:
+        """Their static detections as far as the map reaches, which may be farther than a network is shown."""
+        bits = {name: 1 << bit for bit, name in enumerate(self.mounts)}
+        far, radars = list[PlacedScan](), list[int]()
+        for one in placed:
+            scan, ego = one.whole.within(self.map.reach), one.ego
+            sigmas = deviation(scan.azimuth, scan.range_rate, scan.ambiguity, one.mount, ego.speed, ego.yaw_rate, self.noise)
+            far.append(PlacedScan(scan, one.mount, ego, sigmas, scan))
+            radars += [bits[scan.sensor]] * len(scan)
+        found = self._detections(far, now)
+        standing = found.deviation <= self.noise.sigmas
+        static = standing & ~beside_movers(found.points, ~standing, self.noise)
+        kept = found.chosen(static).moved(now.odom_from_base)
+        return Beams(kept.points, kept.origins, np.array(radars, dtype=np.uint16)[static])
 
     def _looks(self, placed: list[PlacedScan], now: EgoState) -> Looks:
         """From where the scans were measured, in base at `now`."""

@@ -52,7 +52,7 @@ def _network(config: Config, source: Path) -> SensorModel:
     mounts = {radar.name: radar.mount() for radar in config.radar}
     name = config.model if config.model in SHIPPED else str(source.parent / config.model)
     choice = choose(name, spec, mounts, config.model_sha256)
-    network, geometry = choice.model, _geometry(config)
+    network = choice.model
     if (config.map.fusion or network.contract.fusion) == "sum":
 
         def summed(around: Surroundings) -> Image:
@@ -62,9 +62,11 @@ def _network(config: Config, source: Path) -> SensorModel:
         return SensorModel(summed, _sum(config), choice.why)
 
     def averaged(around: Surroundings) -> Image:
-        return np.stack((*network(around), geometry(rasterize(around.now.points, spec))))
+        log_odds, weight = network(around)
+        return np.stack((log_odds, weight))
 
-    looks = LookMap(spec, network.contract.calibration, config.map.clamp, config.map.tiles(LookMap.layers))
+    tiles = config.map.tiles(LookMap.layers)
+    looks = LookMap(spec, network.contract.calibration, config.map.clamp, tiles, config.sensor_model.beam())
     return SensorModel(averaged, looks, choice.why)
 
 

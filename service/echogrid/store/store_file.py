@@ -13,7 +13,7 @@ from echogrid.errors import EchogridError
 
 SUFFIX = ".egmap"
 APPLICATION_ID = 0x6567_6D70  # "egmp"
-VERSION = 1
+VERSION = 2
 TABLES = {
     "epoch": """CREATE TABLE epoch(
  id INTEGER PRIMARY KEY AUTOINCREMENT,
@@ -139,7 +139,8 @@ def _check(connection: sqlite3.Connection, path: Path) -> None:
     if application_id != APPLICATION_ID:
         raise ForeignFileError(_foreign(path, f"application id 0x{application_id & 0xFFFFFFFF:08X} found, expected 0x{APPLICATION_ID:08X}"))
     if version != VERSION:
-        raise ForeignFileError(f"{path}: a map of version {version} found, expected {VERSION}: update echogrid, or name another file")
+        cure = "update echogrid" if version > VERSION else "an older echogrid reads it"
+        raise ForeignFileError(f"{path}: a map of version {version} found, expected {VERSION}: {cure}, or name another file")
     with closing(connection.execute("SELECT name, sql FROM sqlite_schema WHERE name NOT LIKE 'sqlite_%'")) as found:
         tables = dict(found.fetchall())
     if tables != TABLES:

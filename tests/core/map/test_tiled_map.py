@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from echogrid.core.evidence.beams import Beams
 from echogrid.core.evidence.raster import GridSpec, Image
 from echogrid.core.map.look_map import Calibration, LookMap
 from echogrid.core.map.occupancy import OccupancyMap
@@ -57,7 +58,7 @@ def made(kind: type[TiledMap], max_tiles: int) -> TiledMap:
 
 
 def said(kind: type[TiledMap], rng: np.random.Generator) -> Image:
-    planes = rng.normal(size=(3, 32, 32)).astype(np.float32)
+    planes = rng.normal(size=(2, 32, 32)).astype(np.float32)
     planes[1] = np.abs(planes[1])
     return planes[0] if kind is OccupancyMap else planes
 
@@ -199,14 +200,16 @@ def test_times_that_no_clock_shows_are_kept_within_what_a_cell_can_hold(stamp_ns
 
 def test_what_geometry_measured_is_told_from_what_is_learned_only() -> None:
     occupancy = made(LookMap, 16)
-    planes = np.zeros((3, 32, 32), np.float32)
-    planes[:2] = 1.0
-    planes[2, 20:22, 20:22] = 1.7
-    occupancy.integrate(planes, IDENTITY)
+    occupancy.integrate(np.ones((2, 32, 32), np.float32), IDENTITY)
+    occupancy.takes(IDENTITY)
+    beams = Beams(np.array([[2.1, 0.1]]), np.array([[0.1, 0.1]]), np.ones(1, np.uint16))
+    occupancy.measure(beams, IDENTITY, View(0, np.ones((32, 32), np.uint16)))
     layers = occupancy.window_of_layers(-10, -10, 20, 20)
     assert (occupancy.read(layers) != 0).all()
-    assert occupancy.measured(layers).sum() == 4
-    assert occupancy.measured(layers)[14:16, 14:16].all()
+    measured = occupancy.measured(layers)
+    assert measured[10, 10]  # the beam passed
+    assert measured[10, 10 + math.floor(2.1 / SPEC.cell)]
+    assert not measured[:, :6].any()
 
 
 @pytest.mark.parametrize("cells", [1, 2, 127, 128, 129, 130, 256, 300])

@@ -80,11 +80,11 @@ def test_with_a_network_the_map_has_its_layers(drive: Path, tmp_path: Path) -> N
     spec = GridSpec()
     net = networks.write(tmp_path / "net.onnx", *networks.default(spec.cells, spec.cell))
     for local in local_maps(drive, str(net)):
-        assert local.layers.shape == (4, 128, 128)
-        _, weight, looks, geometric = local.layers
-        assert 0 < looks.max() <= 20 + 1e-4
-        assert (weight <= looks + 1e-5).all()
-        assert geometric.any()
+        assert local.layers.shape == (5, 128, 128)
+        _, weight, hits, near, passes = local.layers
+        assert 0 < weight.max() <= 20 + 1e-4
+        assert 0 < (hits + passes).max() <= 60 + 1e-3
+        assert (near >= 0).all()
 
 
 def test_what_is_no_simulated_drive_is_said(tmp_path: Path) -> None:

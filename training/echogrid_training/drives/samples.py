@@ -11,6 +11,7 @@ import numpy as np
 
 from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
+from echogrid.core.evidence.beams import Beams
 from echogrid.core.evidence.history import Surroundings
 from echogrid.core.evidence.history_raster import Bytes, HistoryRaster
 from echogrid.core.evidence.raster import Image, rasterize
@@ -43,6 +44,9 @@ class Sample:
 
 class Unwritten(LookMap):
     """Takes updates as the default map does, and keeps nothing."""
+
+    def measure(self, beams: Beams, odom_from_base: SE2, view: View) -> None:
+        pass
 
     def integrate(self, said: Image, odom_from_base: SE2, view: View | None = None) -> None:
         pass

@@ -22,9 +22,10 @@ from echogrid_training.drives import nuscenes, radarscenes
 from echogrid_training.drives.drive import write_drive
 from echogrid_training.evaluation.recorded import astyx as real_astyx
 from echogrid_training.evaluation.recorded import picture as real_picture
+from echogrid_training.evaluation.recorded.annotated import load_annotated
 from echogrid_training.evaluation.recorded.comparison import DriveScores, compare, summaries
 from echogrid_training.evaluation.recorded.drive import hear
-from echogrid_training.evaluation.recorded.tables import drive_tables, frame_table
+from echogrid_training.evaluation.recorded.tables import annotated_tables, drive_tables, frame_table
 from echogrid_training.recording import Recording, Track, untracked
 
 Load = Callable[[], Recording]
@@ -39,6 +40,7 @@ def add_real_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sum", action="store_true", help="of drives also the network's answers summed, the paper's Eq. 1")
     parser.add_argument("--json", type=Path, required=True, metavar="FILE", help="for all figures, with areas and thresholds")
     parser.add_argument("--out", type=Path, metavar="DIR", help="for pictures of the maps")
+    parser.add_argument("--truth", type=Path, metavar="DIR", help="annotated truth of drives, NAME_truth.npz each, to score the maps by")
 
 
 def named(text: str) -> str:
@@ -58,7 +60,7 @@ def run_real(options: argparse.Namespace, track: Track = untracked) -> str:
         figures, tables = _frames(options.sources, network, options.out, track)
     else:
         loads = {"nuscenes": _nuscenes, "radarscenes": _radarscenes}[options.kind](options)
-        figures, tables = _drives(loads, network, options.out, track, summed=options.sum)
+        figures, tables = _drives(loads, network, options.out, track, summed=options.sum, truths=options.truth)
     text = json.dumps(finite({"kind": options.kind, "model": choice.why, **figures}), indent=2, allow_nan=False)
     options.json.write_text(text + "\n", encoding="utf-8")
     return tables
@@ -72,19 +74,25 @@ def _radarscenes(options: argparse.Namespace) -> list[Load]:
     return [partial(radarscenes.load, source) for source in options.sources]
 
 
-def _drives(loads: Sequence[Load], model: str, out: Path | None, track: Track, *, summed: bool) -> tuple[dict[str, Any], str]:
+def _drives(
+    loads: Sequence[Load], model: str, out: Path | None, track: Track, *, summed: bool, truths: Path | None
+) -> tuple[dict[str, Any], str]:
     scores: list[DriveScores] = []
     for load in track(list(loads), "scoring drives"):
         recording = load()
         with tempfile.TemporaryDirectory() as temporary:
             folder = Path(temporary) / "drive"
             write_drive(recording, folder)
-            one, halves = compare(recording.vehicle, hear(folder), model, scores[0] if scores else None, summed=summed)
+            first = scores[0] if scores else None
+            truth = None if truths is None else load_annotated(truths / f"{recording.vehicle}_truth.npz")
+            one, halves = compare(recording.vehicle, hear(folder), model, first, summed=summed, truth=truth)
         scores.append(one)
         if out is not None:
             real_picture.drive_sheet(halves).save(out / f"{recording.vehicle}.png")
     found = summaries(scores)
-    return {"drives": [asdict(one) for one in scores], "summaries": [asdict(one) for one in found]}, drive_tables(scores, found)
+    figures = {"drives": [asdict(one) for one in scores], "summaries": [asdict(one) for one in found]}
+    tables = drive_tables(scores, found)
+    return figures, tables if truths is None else f"{annotated_tables(scores)}\n\n{tables}"
 
 
 def _frames(sources: Sequence[Path], model: str, out: Path | None, track: Track) -> tuple[dict[str, Any], str]:

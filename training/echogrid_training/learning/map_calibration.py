@@ -24,7 +24,7 @@ def calibrate_map(drives: Sequence[Path], model: Path, track: Track = untracked)
     means, occupied = [], []
     for drive in track(list(drives), "calibrating the map"):
         for local in local_maps(drive, str(model)):
-            total, weight, _, _ = local.layers
+            total, weight = local.layers[:2]
             known = (local.truth != 0) & (weight > LEAST_WEIGHT)
             means.append(total[known] / weight[known])
             occupied.append(local.truth[known] > 0)

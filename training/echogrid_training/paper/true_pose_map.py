@@ -69,7 +69,7 @@ def mapped(answers: Image, poses: Sequence[SE2], truth: TruthMap, rule: Rule) ->
     """The map of answers (n, 128, 128) at n poses, on the cells of the true one; 0 where nothing was said."""
     occupancy: TiledMap = OccupancyMap(SPEC, CLAMP) if rule == "sum" else LookMap(SPEC, Calibration())
     for answer, pose in zip(answers, poses, strict=True):
-        said = answer if rule == "sum" else np.stack((answer, np.ones_like(answer), np.zeros_like(answer)))
+        said = answer if rule == "sum" else np.stack((answer, np.ones_like(answer)))
         occupancy.integrate(said, pose)
     column, row = (round(place / truth.cell) for place in truth.origin)
     return occupancy.window(row, column, *truth.log_odds.shape)

@@ -1,7 +1,7 @@
-"""The default map: what a network said is averaged over looks, beside a layer of plain geometry; both are read out together.
+"""The default map: what a network says, averaged over looks, beside what the radars measured; both are read out together.
 
 A learned model says its prior anew each time it is asked. Summed as if the answers were independent (Eq. 1 of the paper), they saturate;
-their mean does not. Reason and figures: docs/fusion.md.
+their mean does not. What was measured is counted, and decides wherever there is enough of it. Reason and figures: docs/fusion.md.
 """
 
 from __future__ import annotations
@@ -12,9 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.core.evidence.beams import Beams
+from echogrid.core.evidence.inverse_sensor_model import BeamModel
 from echogrid.core.evidence.raster import GridSpec, Image
 from echogrid.core.map.footprint import Footprint
-from echogrid.core.map.occupancy import add_clamped
+from echogrid.core.map.measurement import GONE, REACH, Change, Measurement
+from echogrid.core.map.read_out import read_out
 from echogrid.core.map.tile import Layers
 from echogrid.core.map.tiled_map import LogOdds, TiledMap, View
 from echogrid.core.motion.se2 import SE2
@@ -22,10 +25,7 @@ from echogrid.core.motion.se2 import SE2
 STEP, TURN = 0.5, math.radians(3.0)  # m and rad of ego motion after which a new look begins
 UPDATES = 4  # of a look that count; a standing car learns nothing new
 MOST_LOOKS = 20.0  # the mean forgets what is older
-SURE, RESERVE = 1.5, 1.0  # RESERVE looks of -SURE (p = 0.18) are mixed into what reads less: surely free takes more than one look
-HIT = 0.4  # log-odds of geometry above which a cell is a measured hit; less is a trace, a beam's edge or a hit that rays passed since
-DOUBT, LEAST_DOUBT = 0.5, 0.3  # a hit is worth log-odds of at least -DOUBT, rising to -LEAST_DOUBT as geometry nears its clamp
-KNOWN = 0.5  # how much of its looks a network must hold a cell for observable before it is told of
+MOST_MEASURED = 60.0  # looks that measured a cell; what is older fades
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,13 +37,18 @@ class Calibration:
 
 
 class LookMap(TiledMap):
-    """Layers: the weighted sum of the network's log-odds, its weights, the looks (all three as they fade), and the geometry's log-odds."""
+    """Layers: the weighted sum of the network's log-odds, its weights; looks with a reflection in the cell, the same beside it weighted by
+    distance, looks in which a beam passed. All fade as newer ones come."""
 
-    layers = 4
+    layers = 5
+    reach = REACH
 
-    def __init__(self, spec: GridSpec, calibration: Calibration, clamp: float = 3.5, max_tiles: int = 4096) -> None:
+    def __init__(
+        self, spec: GridSpec, calibration: Calibration, clamp: float = 3.5, max_tiles: int = 4096, beam: BeamModel | None = None
+    ) -> None:
         super().__init__(spec, clamp, max_tiles)
         self.calibration = calibration
+        self._measurement = Measurement(spec.cell, beam or BeamModel())
         self._begun: SE2 | None = None  # pose of the running look's first update
         self._updates = 0  # of the running look
 
@@ -60,38 +65,67 @@ class LookMap(TiledMap):
             or abs(odom_from_base.yaw - begun.yaw) >= TURN
         ):
             self._begun, self._updates = odom_from_base, 0
+            self._measurement.begin(odom_from_base)
         self._updates += 1
         return self._updates <= UPDATES
 
+    def measure(self, beams: Beams, odom_from_base: SE2, view: View) -> None:
+        """Counts what the first UPDATES updates of a look measured; after them, what arrives and what leaves while the car stands."""
+        if self._updates <= UPDATES:
+            self._add(self._measurement.look(beams), view.stamp_ns)
+            return
+        seconds = (view.stamp_ns - self.stamp_ns) * 1e-9
+        for _ in self._under(Footprint.of(odom_from_base, self.spec), view):
+            pass  # in view, and compared with what is usual
+        self._add(self._measurement.stand(beams, seconds), view.stamp_ns)
+
     def integrate(self, said: Image, odom_from_base: SE2, view: View | None = None) -> None:
-        """Adds (3, H, W): the network's log-odds, the weight of its answer (0 … 1), and the geometry's log-odds.
+        """Adds (2, H, W): the network's log-odds and the weight of its answer (0 … 1).
 
         An update is 1 / UPDATES of a look, so that a slow car's looks count no more than a fast one's.
         """
-        log_odds, weight, geometric = said
-        look = np.full_like(weight, 1.0 / UPDATES)
-        planes = np.stack((log_odds * weight * look, weight * look, look, geometric))
+        log_odds, weight = said
+        share = np.float32(1 / UPDATES)
+        planes = np.stack((log_odds * weight * share, weight * share))
         footprint = Footprint.of(odom_from_base, self.spec)
         patch = footprint.bilinear(planes)
-        for layers, inside, piece in self._changing(footprint, view):
-            mean = layers[:3, *inside]
-            mean += patch[:3, *piece]
-            mean *= np.minimum(1.0, MOST_LOOKS / np.maximum(mean[2], 1.0))  # forgets evenly once there are more
-            add_clamped(layers[3], inside, patch[3, *piece], self.clamp)
+        for layers, inside, piece in self._under(footprint, view):
+            mean = layers[:2, *inside]
+            mean += patch[:, *piece]
+            mean *= np.minimum(1.0, MOST_LOOKS / np.maximum(mean[1], 1.0))  # forgets evenly once there are more
 
     def read(self, layers: Layers) -> LogOdds:
-        """The calibrated mean; few looks make nothing surely free, nor does a trace, and a hit may be doubted, not denied."""
-        total, weight, looks, geometric = layers
-        known = (weight >= KNOWN * looks) & (looks > 0) | (geometric != 0)
+        """What was learned and what was measured together, as docs/fusion.md says."""
+        _, _, hits, near, passes = layers
+        return read_out(self.learned(layers), hits, near, passes, np.asarray(layers.any(axis=0)))
+
+    def learned(self, layers: Layers) -> LogOdds:
+        """(H, W): the calibrated mean of what the network said alone; 0 where it said nothing."""
+        total, weight = layers[:2]
         mean = total / np.maximum(weight, np.float32(1e-6))
         log_odds = np.float32(self.calibration.learned) * mean + np.float32(self.calibration.offset)
-        reserved = (log_odds * weight - np.float32(SURE * RESERVE)) / (weight + np.float32(RESERVE))
-        log_odds = np.where(log_odds < -SURE, reserved, log_odds)
-        hit = np.float32(-DOUBT) + np.float32((DOUBT - LEAST_DOUBT) / self.clamp) * geometric
-        least = np.where(geometric > HIT, hit, np.float32(-SURE))
-        log_odds = np.where((geometric > 0) & (log_odds < least), least, log_odds)
-        log_odds[log_odds == 0] = np.finfo(np.float32).tiny
-        return np.where(known, log_odds, np.float32(0))
+        return np.where(weight > 0, log_odds, np.float32(0))
 
     def measured(self, layers: Layers) -> NDArray[np.bool_]:
-        return np.asarray(layers[3] != 0)
+        return np.asarray(layers[2:].any(axis=0))
+
+    def _add(self, change: Change, stamp_ns: int) -> None:
+        touched = change.touched
+        if touched is None:
+            return
+        row, column = change.window.row + touched[0].start, change.window.column + touched[1].start
+        hit, beside, passed = change.hits[touched], change.near[touched], change.passes[touched]
+        arrived, left = change.arrived[touched], change.left[touched]
+        for layers, inside, piece in self._changing(row, column, hit.shape, stamp_ns, change.radars[touched]):
+            hits, near, passes = measured = layers[2:, *inside]
+            passes[arrived[piece]] = 0
+            gone = left[piece]
+            if gone.any():
+                hits[gone] = near[gone] = 0
+                passes[gone] = np.maximum(passes[gone], np.float32(GONE))
+            hits += hit[piece]
+            near += beside[piece]
+            passes += passed[piece]
+            seen = hits + passes
+            if seen.max() > MOST_MEASURED:
+                measured *= np.minimum(1.0, MOST_MEASURED / np.maximum(seen, 1.0))

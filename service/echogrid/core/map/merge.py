@@ -13,14 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from echogrid.core.map.look_map import MOST_LOOKS
+from echogrid.core.map.look_map import MOST_LOOKS, MOST_MEASURED
 from echogrid.core.map.tile import SIDE, Tile, TileKey
 from echogrid.core.map.tiled_map import pieces
 from echogrid.core.motion.se2 import SE2
 
 Fetch = Callable[[TileKey], Tile | None]  # a map's tiles
 
-EVIDENCE = {"sum": 0, "looks": 3}  # the layer that is a clamped sum of log-odds
 WHOLE = 1e-6  # cells; an offset nearer to whole cells than that is whole
 
 
@@ -80,9 +79,8 @@ def merge_tile(key: TileKey, sources: Iterable[Source], kind: str, clamp: float)
     """The merged map's tile; None where no map knows anything of it.
 
     A cell that one map alone has something to say of stays as that map has it. Where several have, what `integrate` holds to is held to
-    once, after the sum: log-odds within +-clamp, and no more than MOST_LOOKS looks.
+    once, after the sum: log-odds within +-clamp, or no more than MOST_LOOKS and MOST_MEASURED looks.
     """
-    evidence = EVIDENCE[kind]
     total: NDArray[np.float64] | None = None
     seen_s = np.zeros((SIDE, SIDE), dtype=np.uint32)
     radars = np.zeros((SIDE, SIDE), dtype=np.uint16)
@@ -95,17 +93,19 @@ def merge_tile(key: TileKey, sources: Iterable[Source], kind: str, clamp: float)
         layers, their_seen_s, their_radars = found
         total = layers if total is None else total + layers
         voices += layers.any(axis=0)
-        judged |= layers[evidence] != 0
+        judged |= layers[0] != 0
         np.maximum(seen_s, their_seen_s, out=seen_s)
         radars |= _renamed(their_radars, source.bits)
     if total is None:
         return None
     several = voices > 1
-    total[evidence] = np.where(several, np.clip(total[evidence], -clamp, clamp), total[evidence])
     if kind == "looks":
-        total[:3] *= np.where(several, np.minimum(1.0, MOST_LOOKS / np.maximum(total[2], 1.0)), 1.0)
+        total[:2] *= np.where(several, np.minimum(1.0, MOST_LOOKS / np.maximum(total[1], 1.0)), 1.0)
+        total[2:] *= np.where(several, np.minimum(1.0, MOST_MEASURED / np.maximum(total[2] + total[4], 1.0)), 1.0)
+        return Tile(total.astype(np.float32), seen_s, radars)
+    total[0] = np.where(several, np.clip(total[0], -clamp, clamp), total[0])
     merged = total.astype(np.float32)
-    merged[evidence][judged & (merged[evidence] == 0)] = np.finfo(np.float32).tiny  # evidence that cancels is still seen
+    merged[0][judged & (merged[0] == 0)] = np.finfo(np.float32).tiny  # evidence that cancels is still seen
     return Tile(merged, seen_s, radars)
 
 

@@ -27,7 +27,7 @@ class OccupancyMap(TiledMap):
         """Adds a patch (H, W) of log-odds around the car: logit(m|z_0:t) = logit(m|z_t) + logit(m|z_0:t-1), then clamps."""
         footprint = Footprint.of(odom_from_base, self.spec)
         (patch,) = footprint.bilinear(said[None])
-        for layers, inside, piece in self._changing(footprint, view):
+        for layers, inside, piece in self._under(footprint, view):
             add_clamped(layers[0], inside, patch[piece], self.clamp)
 
     def read(self, layers: Layers) -> LogOdds:

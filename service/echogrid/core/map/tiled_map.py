@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.core.evidence.beams import Beams
 from echogrid.core.evidence.raster import GridSpec, Image
 from echogrid.core.map.footprint import Footprint
 from echogrid.core.map.tile import SIDE, Layers, Tile, TileKey
@@ -51,6 +52,7 @@ class TiledMap(ABC):
     """
 
     layers: int
+    reach = 0.0  # m from the radars up to which `measure` wants detections
 
     def __init__(self, spec: GridSpec, clamp: float, max_tiles: int) -> None:
         self.spec = spec
@@ -69,6 +71,12 @@ class TiledMap(ABC):
     @abstractmethod
     def integrate(self, said: Image, odom_from_base: SE2, view: View | None = None) -> None:
         """Adds what one update says about the cells around the car. `view`: None for answers that come from no radars at no time."""
+
+    def measure(self, beams: Beams, odom_from_base: SE2, view: View) -> None:  # noqa: B027 - most maps have nothing to do here
+        """Adds what one update measured, as far as `reach`, after `takes` was asked: at every update, a standing car's too.
+
+        A map that keeps nothing of it has it from `integrate`.
+        """
 
     @abstractmethod
     def read(self, layers: Layers) -> LogOdds:
@@ -136,18 +144,28 @@ class TiledMap(ABC):
         cut = everything[top : known_rows[-1] + 1, left : known_columns[-1] + 1]
         return first_row + top, first_column + left, np.ascontiguousarray(cut)
 
-    def _changing(self, footprint: Footprint, view: View | None) -> Iterator[tuple[Layers, tuple[slice, slice], tuple[slice, slice]]]:
-        """The layers of all tiles under a footprint, to be changed: the part of the tile, the part of the footprint. Notes the view."""
-        bits = None if view is None else footprint.nearest(view.radars)
-        if view is not None:
-            self.stamp_ns = view.stamp_ns
+    def _under(self, footprint: Footprint, view: View | None) -> Iterator[tuple[Layers, tuple[slice, slice], tuple[slice, slice]]]:
+        """The same of a footprint, with what a view tells."""
+        if view is None:
+            return self._changing(footprint.row, footprint.column, footprint.shape)
+        return self._changing(footprint.row, footprint.column, footprint.shape, view.stamp_ns, footprint.nearest(view.radars))
+
+    def _changing(
+        self, row: int, column: int, shape: tuple[int, ...], stamp_ns: int | None = None, radars: NDArray[np.uint16] | None = None
+    ) -> Iterator[tuple[Layers, tuple[slice, slice], tuple[slice, slice]]]:
+        """The layers of all tiles under a rectangle of cells, to be changed: the part of the tile, the part of the rectangle.
+
+        `radars`: bits of those that had the cells in view (shape) at `stamp_ns`, to be noted.
+        """
+        if stamp_ns is not None:
+            self.stamp_ns = stamp_ns
         seen_s = np.uint32(np.clip(self.stamp_ns // 1_000_000_000, 1, NEWEST_S))  # recordings may begin at 0, which says never
-        for key, inside, piece in pieces(footprint.row, footprint.column, *footprint.shape):
+        for key, inside, piece in pieces(row, column, *shape):
             tile = self._used(key) or self._keep(key, Tile.empty(self.layers))
             self.dirty.add(key)
-            if bits is not None:
-                tile.radars[inside] |= bits[piece]
-                tile.seen_s[inside][bits[piece] != 0] = seen_s
+            if radars is not None:
+                tile.radars[inside] |= radars[piece]
+                tile.seen_s[inside][radars[piece] != 0] = seen_s
             yield tile.layers, inside, piece
 
     def _used(self, key: TileKey) -> Tile | None:

@@ -17,3 +17,4 @@ class PlacedScan:
     mount: Mount
     ego: EgoState  # at the time of measurement
     deviation: Floats  # (N,) of the range rates from a standing thing's, in sigmas
+    whole: RadarScan  # the same scan with what lies beyond that range

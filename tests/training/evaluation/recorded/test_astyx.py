@@ -11,7 +11,6 @@ from tests.support.astyx_files import cloud, reflections, write_file
 from tests.support.networks import default, write
 
 from echogrid.core.evidence.raster import GridSpec
-from echogrid.core.map.look_map import DOUBT, HIT, KNOWN, SURE
 from echogrid.errors import EchogridError
 from echogrid_training.evaluation.metrics import average_precision
 from echogrid_training.evaluation.recorded import astyx as real_astyx
@@ -115,14 +114,12 @@ def test_scores_are_pooled_over_frames(model: str) -> None:
         scores = np.concatenate([one.scores[method][seen] for one, seen in zip(judged, observed, strict=True)])
         assert found.average_precision[method] == average_precision(scores, occupied)
     first, (_, weight) = judged[0].scores, judge.network(judge.around(frames[0]))
-    measured = judge.geometry(first["detections"][None])
-    known, hit = (weight >= KNOWN) & (measured <= 0), measured > HIT
-    np.testing.assert_allclose(first["looks"][known], 2 * first["learned"][known] - 0.3, rtol=1e-4)  # as the map reads one look
-    assert known.any()
-    assert hit.any()
-    assert (first["looks"][hit] >= -DOUBT).all()
-    assert (first["looks"][measured > 0] >= -SURE).all()
-    assert not first["looks"][(weight < KNOWN) & (measured == 0)].any()
+    hits, near, passes = judge.measured(frames[0])[2:]
+    assert (first["looks"][hits > 0.5] > 0).all()  # a reflection that nothing contradicts, whatever the network says
+    assert (first["looks"][(near > 0) & (passes == 0)] > -2.2).all()  # surely free is not what lies beside one
+    assert (hits > 0.5).any()
+    assert ((near > 0) & (passes == 0)).any()
+    assert (weight[first["looks"] == 0] == 0).all()
 
 
 def test_a_file_is_read_frame_by_frame(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.map.look_map import Calibration, LookMap
 from echogrid.core.motion.odometry import EgoState
 from echogrid.core.motion.se2 import SE2
-from echogrid_training.evaluation.recorded.comparison import LEARNED_LAYERS, compared
+from echogrid_training.evaluation.recorded.comparison import compared
 from echogrid_training.evaluation.recorded.scores import (
     Rectangle,
     above,
@@ -131,17 +131,16 @@ def test_a_part_is_cut_around_a_pose_within_the_whole() -> None:
     assert cut(0.0, 0.0, 1000) == (WHERE.row, WHERE.column, WHERE.height, WHERE.width)
 
 
-def test_a_map_is_read_whole_and_without_a_layer() -> None:
-    """Larger than a strip of tiles; without the geometric layer it is the map of a network alone."""
+def test_a_map_is_read_whole_and_by_another_rule() -> None:
+    """Larger than a strip of tiles."""
     spec = GridSpec(32, 0.5)
     rng = np.random.default_rng(8)
-    both, alone = LookMap(spec, Calibration(1.2, -0.1)), LookMap(spec, Calibration(1.2, -0.1))
+    both = LookMap(spec, Calibration(1.2, -0.1))
     for step in range(40):
-        said = rng.normal(size=(3, 32, 32)).astype(np.float32)
+        said = rng.normal(size=(2, 32, 32)).astype(np.float32)
         said[1] = rng.uniform(size=(32, 32))
         pose = SE2(1.5 * step, 2.0 * step, 0.1 * step)
         both.integrate(said, pose)
-        alone.integrate(said * np.array((1, 1, 0), dtype=np.float32)[:, None, None], pose)
     where = Rectangle(-30, -25, 250, 200, 0.5)
     np.testing.assert_array_equal(where.read(both), both.window(-30, -25, 250, 200))
-    np.testing.assert_array_equal(where.read(both, LEARNED_LAYERS), alone.window(-30, -25, 250, 200))
+    np.testing.assert_array_equal(where.read(both, both.learned), both.learned(both.window_of_layers(-30, -25, 250, 200)))

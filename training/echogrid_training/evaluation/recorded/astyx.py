@@ -18,10 +18,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.core.evidence.beams import Beams
 from echogrid.core.evidence.history import Detections, History, Looks, Surroundings
-from echogrid.core.evidence.inverse_sensor_model import AnalyticSensorModel
 from echogrid.core.evidence.raster import GridSpec, Image, rasterize
 from echogrid.core.map.look_map import LookMap
+from echogrid.core.map.tile import Layers
+from echogrid.core.map.tiled_map import View
 from echogrid.core.messages import Floats
 from echogrid.core.motion.se2 import IDENTITY, SE2
 from echogrid.core.radar.mount import Mount
@@ -117,13 +119,13 @@ class Judge:
         self.base_from_sensor = PLACES[place]
         self.mount = Mount(self.base_from_sensor, HALF_FOV, REACH)
         self.network = OnnxSensorModel(Path(model), self.spec, {RADAR: self.mount})
-        self.geometry = AnalyticSensorModel(self.spec, (self.mount,))
 
     def __call__(self, frame: Frame) -> Judged:
-        """The network alone, and read out together with the geometric layer as the map would after one look."""
+        """The network alone, and what the map reads after one look."""
         drawn = rasterize(self.base_from_sensor.apply(frame.radar), self.spec)
         log_odds, weight = self.network(self.around(frame))
-        layers = np.stack((log_odds * weight, weight, np.ones_like(weight), self.geometry(drawn)))
+        layers = self.measured(frame)
+        layers[:2] = log_odds * weight, weight
         scores = {
             "elfes": elfes(frame.radar, self.base_from_sensor, self.spec),
             "learned": log_odds,
@@ -132,6 +134,17 @@ class Judge:
             "distance": self.spec.centres()[..., 0],
         }
         return Judged(label(frame.lidar, self.base_from_sensor, self.spec), scores)
+
+    def measured(self, frame: Frame) -> Layers:
+        """(5, H, W): the layers of a map that this one frame was measured for, and no network asked."""
+        occupancy = LookMap(self.spec, self.network.contract.calibration)
+        points = self.base_from_sensor.apply(frame.radar)
+        origins = np.broadcast_to((self.base_from_sensor.x, self.base_from_sensor.y), points.shape)
+        nobody = np.zeros((self.spec.cells, self.spec.cells), np.uint16)
+        occupancy.takes(IDENTITY)
+        occupancy.measure(Beams(points, origins, np.ones(len(points), np.uint16)), IDENTITY, View(0, nobody))
+        half = self.spec.cells // 2
+        return occupancy.window_of_layers(-half, -half, self.spec.cells, self.spec.cells)
 
     def around(self, frame: Frame) -> Surroundings:
         """As the service would draw it after its first scan."""

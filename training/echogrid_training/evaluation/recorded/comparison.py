@@ -12,10 +12,13 @@ import numpy as np
 
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
+from echogrid.core.map.look_map import LookMap
 from echogrid.core.map.tiled_map import LogOdds
 from echogrid.core.messages import Floats
 from echogrid.errors import EchogridError
 from echogrid_training.evaluation.metrics import ratio
+from echogrid_training.evaluation.recorded.annotated import Annotated, Scene, score
+from echogrid_training.evaluation.recorded.annotated import asked as asked_of
 from echogrid_training.evaluation.recorded.drive import RealDrive
 from echogrid_training.evaluation.recorded.elfes import plain_elfes
 from echogrid_training.evaluation.recorded.scores import (
@@ -34,9 +37,9 @@ from echogrid_training.evaluation.recorded.scores import (
     swept_ground,
 )
 
-YARDSTICKS = ("elfes", "analytic")  # the reference scores' plain Elfes, and the service's own analytic model
+ANALYTIC = "analytic"
+YARDSTICKS = ("elfes", ANALYTIC)  # the reference scores' plain Elfes, and the service's own analytic model
 PICTURED = 1280  # cells, 300 m
-LEARNED_LAYERS = np.array((1, 1, 1, 0), dtype=np.float32)[:, None, None]  # of a map by the rule `looks`: all but the geometric one
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +70,7 @@ class DriveScores:
     swept_m2: float
     left_out: int  # detections
     methods: dict[str, MethodScores]
+    annotated: dict[str, Scene]  # the map of all scans beside annotated truth, by method; empty where there is none
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +83,9 @@ class HalfMaps:
     log_odds: dict[str, LogOdds]  # (H, W) by method
 
 
-def compare(name: str, drive: RealDrive, model: str, first: DriveScores | None, *, summed: bool) -> tuple[DriveScores, HalfMaps]:
+def compare(
+    name: str, drive: RealDrive, model: str, first: DriveScores | None, *, summed: bool, truth: Annotated | None = None
+) -> tuple[DriveScores, HalfMaps]:
     """Every other scan of all radars, in order of time, makes the half map; the others judge it. `model`: default, paper or a file's path.
 
     `first`: whose thresholds are tried here too; None: this is the first. Raises EchogridError.
@@ -96,8 +102,12 @@ def compare(name: str, drive: RealDrive, model: str, first: DriveScores | None, 
     for method, log_odds in maps(drive, model, where, {(scan.sensor, scan.stamp_ns) for scan, _ in asked}, summed=summed):
         said[method] = say(log_odds, where, swept, left_out)
         halves[method] = log_odds[top : top + pictured.height, left : left + pictured.width].copy()  # the whole may be a gigabyte
-    methods = {
-        method: MethodScores(
+    cells = None if truth is None else asked_of(truth, drive.driven)
+    methods, annotated = dict[str, MethodScores](), dict[str, Scene]()
+    for method, log_odds in maps(drive, model, where, summed=summed):
+        if cells is not None:
+            annotated[method] = score(log_odds, where, cells)
+        methods[method] = MethodScores(
             swept=occupied_at(say(log_odds, where, swept, left_out), OCCUPIED).swept,
             observed_m2=len(said[method].observed) * where.cell**2,
             within_reach=occupied_at(said[method], -math.inf).recall,
@@ -105,11 +115,9 @@ def compare(name: str, drive: RealDrive, model: str, first: DriveScores | None, 
             free=free_at(said[method], FREE),
             against={one: compared(said[method], said[one], first.methods[method].against[one] if first else None) for one in YARDSTICKS},
         )
-        for method, log_odds in maps(drive, model, where, summed=summed)
-    }
     driven = np.array([(ego.odom_from_base.x, ego.odom_from_base.y) for ego in drive.driven])
     length = float(np.hypot(*np.diff(driven, axis=0).T).sum())
-    scores = DriveScores(name, length, int(swept.sum()) * where.cell**2, len(left_out), methods)
+    scores = DriveScores(name, length, int(swept.sum()) * where.cell**2, len(left_out), methods, annotated)
     return scores, HalfMaps(pictured, driven, left_out, halves)
 
 
@@ -131,10 +139,11 @@ def maps(
     """By each method, without some scans: plain Elfes, the analytic model, the network's two layers, its own alone, and perhaps its sum."""
     shown = [one for one in drive.scans if (one[0].sensor, one[0].stamp_ns) not in left_out]
     yield "elfes", plain_elfes(drive.reflections(shown), where)
-    yield "analytic", where.read(drive.mapped(load_config(drive.config, "analytic"), left_out))
+    yield ANALYTIC, where.read(drive.mapped(load_config(drive.config, "analytic"), left_out))
     looks = drive.mapped(by_rule(drive.config, model, "looks"), left_out)
     yield "looks", where.read(looks)
-    yield "learned", where.read(looks, LEARNED_LAYERS)
+    if isinstance(looks, LookMap):
+        yield "learned", where.read(looks, looks.learned)
     if summed:
         yield "sum", where.read(drive.mapped(by_rule(drive.config, model, "sum"), left_out))
 

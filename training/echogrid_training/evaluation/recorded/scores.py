@@ -6,7 +6,7 @@ areas, for a map that calls everything occupied finds all, and one that calls ev
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,11 +54,11 @@ class Rectangle:
         inside = (row >= 0) & (row < self.height) & (column >= 0) & (column < self.width)
         return np.where(inside, row * self.width + column, -1)
 
-    def read(self, occupancy: TiledMap, layers: Layers | None = None) -> LogOdds:
-        """(H, W) log-odds of a map, its layers multiplied by `layers` (L, 1, 1) before they are read out."""
+    def read(self, occupancy: TiledMap, read: Callable[[Layers], LogOdds] | None = None) -> LogOdds:
+        """(H, W) log-odds of a map, as it reads its layers or as `read` does."""
         rows = [(first, min(SIDE, self.height - first)) for first in range(0, self.height, SIDE)]  # at once, layers may be gigabytes
         strips = [occupancy.window_of_layers(self.row + first, self.column, count, self.width) for first, count in rows]
-        return np.concatenate([occupancy.read(strip if layers is None else strip * layers) for strip in strips])
+        return np.concatenate([(read or occupancy.read)(strip) for strip in strips])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

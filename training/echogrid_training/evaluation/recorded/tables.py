@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from echogrid_training.evaluation.metrics import ratio
+from echogrid_training.evaluation.recorded.annotated import LEAST, MOST, TITLES, by_kind, figures, intervals, missed
 from echogrid_training.evaluation.recorded.astyx import FrameScores
-from echogrid_training.evaluation.recorded.comparison import YARDSTICKS, Compared, DriveScores, MethodScores, Summary
+from echogrid_training.evaluation.recorded.comparison import ANALYTIC, YARDSTICKS, Compared, DriveScores, MethodScores, Summary
 
 CALLED = (
     "drive",
@@ -39,6 +40,8 @@ SUMMARY = (
     "most more",
     "at the first's threshold (area)",
 )
+POOLED = ("figure", "method", "value", "95 % of draws of drives", "bound")
+KINDS = ("kind", "method", "objects", "found", "called free")
 FRAMES = ("file", "frames", "radar", "occupied", "method", "average precision", "to Elfes")
 
 
@@ -52,6 +55,29 @@ def drive_tables(scores: Sequence[DriveScores], summaries: Sequence[Summary]) ->
         parts.append(table(EQUAL, rows))
     parts.append("Over all drives, ratios to the yardstick where nothing else is said:")
     parts.append(table(SUMMARY, map(_summary, summaries)))
+    return "\n\n".join(parts)
+
+
+def annotated_tables(scores: Sequence[DriveScores]) -> str:
+    """Maps beside annotated truth, all drives together with intervals, then by drive and by kind of object. At least one drive."""
+    by_method = {method: [drive.annotated[method] for drive in scores] for method in scores[0].annotated}
+    yardstick = figures(by_method[ANALYTIC])
+    rows, kinds = [], []
+    for method, scenes in by_method.items():
+        of, spread = figures(scenes), intervals(scenes)
+        missing = missed(of, yardstick)
+        for name, title in TITLES.items():
+            low, high = spread[name]
+            verdict = "" if name not in LEAST and name not in MOST else "missed" if name in missing else "kept"
+            rows.append((title, method, f"{getattr(of, name):.4f}", f"{low:.4f} … {high:.4f}", verdict))
+        kinds += [(kind, method, *map(str, counts)) for kind, counts in by_kind(scenes).items()]
+    drives = [
+        (drive.name, method, *(f"{getattr(figures([scene]), name):.4f}" for name in TITLES))
+        for drive in scores
+        for method, scene in drive.annotated.items()
+    ]
+    parts = ["Beside annotated truth, as published, all drives together:", table(POOLED, rows)]
+    parts += ["By drive:", table(("drive", "method", *TITLES.values()), drives), "By kind of object:", table(KINDS, kinds)]
     return "\n\n".join(parts)
 
 

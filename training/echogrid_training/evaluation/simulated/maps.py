@@ -12,8 +12,9 @@ import numpy as np
 from echogrid.core.evidence.history import Surroundings
 from echogrid.core.evidence.inverse_sensor_model import AnalyticSensorModel
 from echogrid.core.evidence.raster import Image, rasterize
-from echogrid.core.map.look_map import KNOWN, LookMap
+from echogrid.core.map.look_map import LookMap
 from echogrid.core.map.occupancy import OccupancyMap
+from echogrid.core.map.read_out import read_out
 from echogrid.core.map.tile import Layers
 from echogrid.core.mapper import Mapper
 from echogrid.core.motion.se2 import SE2
@@ -77,7 +78,7 @@ def rows(tape: Tape, geometry: Geometry, of: Mapping[Key, Network]) -> list[Row]
     elfes = tape.mapper(geometry, OccupancyMap(SPEC, *bounds))
     out = [Row((ELFES, 0), elfes, elfes.map.read)]
     for (name, number), network in of.items():
-        looks = tape.mapper(partial(averaged, network, geometry), LookMap(SPEC, network.model.contract.calibration, *bounds))
+        looks = tape.mapper(partial(averaged, network), LookMap(SPEC, network.model.contract.calibration, *bounds))
         total = tape.mapper(partial(summed, network), OccupancyMap(SPEC, *bounds))
         out += [
             Row((f"{name}, looks", number), looks, looks.map.read),
@@ -89,9 +90,10 @@ def rows(tape: Tape, geometry: Geometry, of: Mapping[Key, Network]) -> list[Row]
     return out
 
 
-def averaged(network: Network, geometry: Geometry, around: Surroundings) -> Image:
-    """What a LookMap takes, as pipeline.py makes it."""
-    return np.stack((*network(around), geometry(around)))
+def averaged(network: Network, around: Surroundings) -> Image:
+    """What a LookMap takes, as sensor_model.py makes it."""
+    log_odds, weight = network(around)
+    return np.asarray((log_odds, weight))
 
 
 def summed(network: Network, around: Surroundings) -> Image:
@@ -101,15 +103,16 @@ def summed(network: Network, around: Surroundings) -> Image:
 
 
 def learned_layer(layers: Layers) -> Scores:
-    """The mean of the network's log-odds alone, where it held enough of its looks for observable."""
-    total, weight, looks, _ = layers
-    mean = total / np.maximum(weight, np.float32(1e-6))
-    return np.where((weight >= KNOWN * looks) & (looks > 0), mean, np.float32(0))
+    """The mean of the network's log-odds alone."""
+    total, weight = layers[:2]
+    return np.where(weight > 0, total / np.maximum(weight, np.float32(1e-6)), np.float32(0))
 
 
 def geometric_layer(layers: Layers) -> Scores:
-    """The sum of the analytic model's log-odds alone."""
-    return np.asarray(layers[3])
+    """What was measured alone."""
+    nothing = np.zeros_like(layers[0])
+    _, _, hits, near, passes = layers
+    return read_out(nothing, hits, near, passes, np.asarray(layers[2:].any(axis=0)))
 
 
 def mappers(of: Iterable[Row]) -> list[Mapper]:

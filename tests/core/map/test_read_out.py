@@ -1,0 +1,52 @@
+"""What each part of the evidence may do, as docs/fusion.md states it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from echogrid.core.map.read_out import read_out
+
+SURELY_FREE = float(np.log(0.1 / 0.9))
+
+
+def read(learned: float, hits: float = 0, near: float | None = None, passes: float = 0) -> float:
+    """One cell; a reflection in it is one beside it too."""
+    beside = 2.7 * hits if near is None else near
+    values = [np.full((1, 1), value, np.float32) for value in (learned, hits, beside, passes)]
+    return float(read_out(*values, np.ones((1, 1), np.bool_))[0, 0])
+
+
+@pytest.mark.parametrize("learned", [-12.0, -4.0, 0.0, 4.0])
+def test_hits_from_several_places_make_a_cell_occupied_whatever_the_network_says(learned: float) -> None:
+    assert read(learned, hits=3, passes=2) > 0
+    assert read(learned, hits=10, passes=10) > 0
+
+
+@pytest.mark.parametrize("learned", [-12.0, -4.0, 0.0, 4.0])
+def test_nothing_is_surely_free_beside_a_hit_that_few_beams_passed(learned: float) -> None:
+    assert read(learned, near=2.7, passes=1) > SURELY_FREE
+    assert read(learned, near=8.1, passes=2) > SURELY_FREE
+
+
+def test_many_passes_and_a_network_that_agrees_make_a_cell_surely_free() -> None:
+    assert read(-4.0, passes=10) < SURELY_FREE
+    assert read(-4.0, near=1.7, passes=30) < SURELY_FREE
+    assert read(4.0, passes=3) > SURELY_FREE
+
+
+def test_more_of_each_part_moves_a_cell_its_way() -> None:
+    rng = np.random.default_rng(1)
+    learned, hits, near, passes = rng.normal(-2, 3, 4000), rng.integers(0, 5, 4000), rng.uniform(0, 9, 4000), rng.integers(0, 40, 4000)
+    here = [values.astype(np.float32) for values in (learned, hits, near, passes)]
+    known = np.ones(4000, np.bool_)
+    before = read_out(*here, known)
+    for part, sign in ((0, 1), (1, 1), (2, 1), (3, -1)):
+        more = [values + np.float32(part == n) for n, values in enumerate(here)]
+        assert (sign * (read_out(*more, known) - before) >= -1e-5).all()
+
+
+def test_unknown_is_0_and_known_never() -> None:
+    zero = np.zeros((2, 2), np.float32)
+    known = np.array([[True, False], [False, True]])
+    assert ((read_out(zero, zero, zero, zero, known) != 0) == known).all()
