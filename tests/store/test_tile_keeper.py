@@ -315,7 +315,7 @@ def test_a_running_map_beyond_the_limit_loses_its_oldest_tiles_and_says_so(tmp_p
     car = Car(max_tiles=4)
     with keeper(path, car, Store(max_mib=2)) as kept:
         first = kept.epoch
-        for column in range(200):
+        for column in range(400):
             car.visit(0, column)
             if column % 20 == 0:
                 kept.flush()
@@ -323,7 +323,7 @@ def test_a_running_map_beyond_the_limit_loses_its_oldest_tiles_and_says_so(tmp_p
         assert path.stat().st_size <= 2 << 20
         assert kept.status.forgotten > 0
         held = kept.keys()
-        assert len(held) + kept.status.forgotten == 200
+        assert len(held) + kept.status.forgotten == 400
         assert min(column for _, column in held) == kept.status.forgotten  # the oldest
         everything(car.map)
     with TileStore(path) as store:

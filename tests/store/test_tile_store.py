@@ -64,13 +64,13 @@ def test_a_reader_written_from_the_documentation_alone_reads_the_same(tmp_path: 
         connection.close()
     raw = zstandard.ZstdDecompressor().decompress(data)
     cells = 128 * 128
-    assert (row, col, len(raw)) == (3, -4, 22 * cells)
-    for i, j, layer in ((0, 0, 0), (5, 77, 3), (127, 127, 1)):
-        n, count = (layer * 128 + i) * 128 + j, 4 * cells
+    assert (row, col, len(raw)) == (3, -4, 26 * cells)
+    for i, j, layer in ((0, 0, 0), (5, 77, 4), (127, 127, 1)):
+        n, count = (layer * 128 + i) * 128 + j, 5 * cells
         assert struct.unpack("<f", bytes(raw[n + byte * count] for byte in range(4)))[0] == tile.layers[layer, i, j]
         n = i * 128 + j
-        assert struct.unpack("<I", bytes(raw[16 * cells + n + byte * cells] for byte in range(4)))[0] == tile.seen_s[i, j]
-        assert struct.unpack("<H", bytes(raw[20 * cells + n + byte * cells] for byte in range(2)))[0] == tile.radars[i, j]
+        assert struct.unpack("<I", bytes(raw[20 * cells + n + byte * cells] for byte in range(4)))[0] == tile.seen_s[i, j]
+        assert struct.unpack("<H", bytes(raw[24 * cells + n + byte * cells] for byte in range(2)))[0] == tile.radars[i, j]
 
 
 def test_the_reader_in_the_documentation_reads_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,7 +113,7 @@ def test_a_stored_map_reads_as_the_one_that_was_stored(tmp_path: Path, kind: typ
 
 
 def test_epochs_count_on_and_empty_ones_go(tmp_path: Path) -> None:
-    path, tile = tmp_path / "a.egmap", Tile.empty(4)
+    path, tile = tmp_path / "a.egmap", Tile.empty(5)
     for expected in (1, 2, 3):  # opened anew each time, never a tile
         with TileStore(path, write=True) as store:
             assert store.next_epoch() == expected == store.begin(LOOKS)

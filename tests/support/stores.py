@@ -81,7 +81,7 @@ def three_epochs(path: Path) -> Path:
     return write_store(path, random_tiles(2))
 
 
-def random_tile(rng: np.random.Generator, layers: int = 4) -> Tile:
+def random_tile(rng: np.random.Generator, layers: int = 5) -> Tile:
     """Every bit is noise."""
     return Tile(
         rng.normal(size=(layers, SIDE, SIDE)).astype(np.float32),

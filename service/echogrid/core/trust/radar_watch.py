@@ -47,6 +47,7 @@ class RadarWatch:
         self.doubts: dict[str, str] = {}
         self.heard_ns: int | None = None  # receipt of the newest complete scan
         self.scarce: str | None = None  # a sentence where scans are missing of late
+        self.missed = 0.0  # detections that it could have had while it saw next to nothing
         self.sees = 1.0  # its detections of the last second, as a share of the usual
         self._heard = self._window = _counters(health)  # counters at `heard_ns`, and when the running window began
         self._window_ns: int | None = None
@@ -83,7 +84,7 @@ class RadarWatch:
             self._window_ns, self._window = now_ns, self._heard
 
     def look(self, scan: RadarScan, speed: float) -> None:
-        """A scan that was placed, its detections within range, and the car's speed."""
+        """A scan that was placed, with its detections at any distance, and the car's speed."""
         step = 0.0 if self._last is None else min(max((scan.stamp_ns - self._last.stamp_ns) * NS, 0.0), LONGEST_STEP)
         self.doubt("frozen", self._is_frozen(scan, speed), "frozen: it repeats one scan while the car moves")
         self.doubt("blocked", scan.blockage >= BLIND, f"blocked: it says so itself ({scan.blockage:.0%})")
@@ -111,6 +112,11 @@ class RadarWatch:
         fading = math.exp(-step / AGREEING)
         self._agreeing = self._agreeing * fading + agreeing
         self._asked = self._asked * fading + asked
+
+    @property
+    def usual(self) -> float:
+        """Detections of a scan."""
+        return self._usual_count
 
     @property
     def agreement(self) -> float | None:

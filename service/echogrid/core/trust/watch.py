@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
@@ -10,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from echogrid.core.health import SensorHealth
+from echogrid.core.messages import Floats
 from echogrid.core.radar.doppler_motion import doppler_motion
 from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
@@ -22,6 +24,8 @@ STALE_NS = 1_000_000_000  # without a map update
 QUIET_NS = 500_000_000  # without anything at all
 FEW, ENOUGH, OTHERS = 0.15, 0.3, 0.5  # of the usual detections: below FEW a radar is blind if the others have OTHERS, until ENOUGH
 ODD, FINE = 0.3, 0.5  # share of detections that fit ego motion: below ODD a radar is at odds with it, from FINE on no longer
+COULD_SEE = 30.0  # detections that a radar missed where others, or itself before, had measured something: then it is blind
+KNOWN_NS = 3_000_000_000  # over which such places are remembered
 EXPLAINS = 0.5  # share that another mount must explain: what sees nothing but traffic is not mounted wrong
 
 
@@ -51,12 +55,13 @@ class Watch:
         self.mapped_ns: int | None = None  # receipt of the newest scan in the map
         self.why_empty: str | None = None  # why a new map was started
         self._judged_ns: int | None = None
+        self._known: deque[tuple[int, Floats]] = deque()  # stamp of a scan, and where its static detections lie, (N, 2) m in odom
 
     def judge(self, placed: Sequence[PlacedScan]) -> None:
         """One cycle's scans, at least one: `motion.disputed` and the radars' `doubts` follow."""
         newest = max(placed, key=lambda one: one.ego.stamp_ns).ego
         for one in placed:
-            self.radars[one.scan.sensor].look(one.scan, one.ego.speed)
+            self.radars[one.scan.sensor].look(one.whole, one.ego.speed)
         step = 0.0 if self._judged_ns is None else min(max((newest.stamp_ns - self._judged_ns) * NS, 0.0), LONGEST_STEP)
         self._judged_ns = newest.stamp_ns
         trusted = [one for one in placed if not self.radars[one.scan.sensor].doubts] or placed
@@ -65,7 +70,8 @@ class Watch:
         seen = doppler_motion([(one.scan, one.mount) for one in trusted])
         if not self.motion.compare(newest.stamp_ns, newest.speed, newest.yaw_rate, support, seen):
             self._compare_with_motion(placed, step)
-        self._compare_with_each_other()
+        self._compare_with_each_other(placed)
+        self._remember(placed, newest.stamp_ns)
 
     def _compare_with_motion(self, placed: Sequence[PlacedScan], step: float) -> None:
         for one in placed:
@@ -82,19 +88,44 @@ class Watch:
                 if other.share >= EXPLAINS:
                     radar.doubt("odd", True, f"at odds with ego motion ({share:.0%} of its detections fit): swapped, or mounted at {mount}")
 
-    def _compare_with_each_other(self) -> None:
-        for name, radar in self.radars.items():
-            others = [other.sees for key, other in self.radars.items() if key != name]
+    def _compare_with_each_other(self, placed: Sequence[PlacedScan]) -> None:
+        """A radar is blind if it misses what it could have seen: few detections beside an open field are no fault."""
+        for one in placed:
+            radar = self.radars[one.scan.sensor]
+            others = [other.sees for name, other in self.radars.items() if name != one.scan.sensor]
             if radar.sees > ENOUGH:
+                radar.missed = 0.0
                 radar.doubt("blind", False, "")
             elif radar.sees < FEW and others and median(others) > OTHERS:
-                radar.doubt("blind", True, f"blocked: it sees {radar.sees:.0%} of its usual detections, the other radars see theirs")
+                radar.missed += min(radar.usual, self._in_view(one))
+                if radar.missed > COULD_SEE:
+                    seen = f"it sees {radar.sees:.0%} of its usual detections"
+                    radar.doubt("blind", True, f"blocked: {seen}, the other radars see theirs")
+
+    def _in_view(self, one: PlacedScan) -> float:
+        """How many detections a scan from here might have, by what lay in its field of view in the scans of the last seconds."""
+        if not self._known:
+            return 0.0
+        points = np.concatenate([points for _, points in self._known])
+        in_view = np.count_nonzero(one.mount.sees(one.ego.odom_from_base.inverse().apply(points)))
+        return in_view * len(self.radars) / len(self._known)
+
+    def _remember(self, placed: Sequence[PlacedScan], now_ns: int) -> None:
+        for one in placed:
+            static = one.deviation <= self.noise.sigmas
+            range_, azimuth = one.scan.range[static], one.scan.azimuth[static]
+            in_sensor = np.stack((range_ * np.cos(azimuth), range_ * np.sin(azimuth)), axis=1)
+            odom_from_sensor = one.ego.odom_from_base @ one.mount.base_from_sensor
+            self._known.append((one.ego.stamp_ns, odom_from_sensor.apply(in_sensor)))
+        while self._known and now_ns - self._known[0][0] > KNOWN_NS:
+            self._known.popleft()
 
     def restart(self, why: str) -> None:
         """A new map is started."""
         self.mapped_ns = None
         self.why_empty = why
         self._judged_ns = None
+        self._known.clear()
         self.motion.restart()
         for radar in self.radars.values():
             radar.restart()
