@@ -167,7 +167,7 @@ def test_with_a_network_the_wall_stands_where_it_stands(tmp_path: Path, network:
     assert isinstance(pipeline.mapper.map, LookMap)
     cells = occupied(pipeline)
     assert len(cells) > 60
-    assert np.abs(cells[:, 1] - 6.0).max() < 0.7
+    assert np.abs(cells[:, 1] - 6.0).max() < 1.2  # far ahead, a beam's two sigmas are 0.9 m wide
     for x in range(2, 18):
         assert 0 < probability_at(pipeline, x, 3.0) < 0.3
 

@@ -13,7 +13,7 @@ from echogrid.maps.info import info, lines
 
 def test_info_counts_what_is_there(stored: Path) -> None:
     found = info(stored)
-    assert (found["version"], [epoch["epoch"] for epoch in found["epochs"]]) == (1, [1, 3])  # an epoch without tiles goes with the next
+    assert (found["version"], [epoch["epoch"] for epoch in found["epochs"]]) == (2, [1, 3])  # an epoch without tiles goes with the next
     for epoch in found["epochs"]:
         log_odds, origin = window(stored, epoch["epoch"])
         assert epoch["known_cells"] == np.count_nonzero(log_odds)

@@ -154,7 +154,7 @@ def test_what_is_written_is_what_nav2_reads_back(tmp_path: Path) -> None:
     ours = log_odds()
     p, unknown = probability(ours.astype(float)), ours == 0
     for mode, expected in (
-        ("trinary", np.where(p > 0.65, 100, np.where(p < 0.196, 0, -1))),
+        ("trinary", np.where(p >= 0.5, 100, np.where(p <= 0.1, 0, -1))),
         ("scale", np.rint(100 * p)),
         ("raw", np.rint(100 * p)),
     ):

@@ -135,16 +135,16 @@ def static_layer(data: list[int], lethal: int = 100, track_unknown: bool = False
 def test_nav2_and_amcl_see_obstacles_with_their_defaults(log_odds: list[float], inscribed: int | None) -> None:
     percent = occupancy_percent(np.array([log_odds], dtype=np.float32))
     p = [1 / (1 + math.exp(-value)) for value in log_odds]
-    surely = [value for value in p if abs(value - 0.65) > 0.005 and abs(value - 0.195) > 0.006]  # a percent is rounded
+    surely = [value for value in p if abs(value - 0.5) > 0.006 and abs(value - 0.1) > 0.006]  # a percent is rounded
     cells = trinary(percent)[0].tolist()
     costs = static_layer(cells, inscribed=inscribed, track_unknown=True)
     for value, known, cell, cost in zip(p, log_odds, cells, costs, strict=True):
         if value in surely:
-            assert (cost == LETHAL) == (cell == 100) == (value > 0.65)  # AMCL: occupied
-            assert (cost == FREE) == (cell == 0) == (value < 0.195)  # AMCL: free
+            assert (cost == LETHAL) == (cell == 100) == (value > 0.5)  # AMCL: occupied
+            assert (cost == FREE) == (cell == 0) == (value < 0.1)  # AMCL: free
         if known == 0:
             assert cost == UNKNOWN
-    graded = static_layer(percent[0].tolist(), lethal=65, track_unknown=True, inscribed=inscribed)
+    graded = static_layer(percent[0].tolist(), lethal=50, track_unknown=True, inscribed=inscribed)
     assert [cost in (LETHAL, INSCRIBED) for cost in graded] == [cost == LETHAL for cost in costs]
 
 

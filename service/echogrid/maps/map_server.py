@@ -22,7 +22,7 @@ import yaml as pyyaml
 from numpy.typing import NDArray
 from PIL import Image
 
-from echogrid.core.map.tiled_map import LogOdds, probability
+from echogrid.core.map.tiled_map import FREE, OCCUPIED, LogOdds, probability
 from echogrid.errors import EchogridError
 from echogrid.files import read as read_file
 from echogrid.files import whole
@@ -31,8 +31,12 @@ from echogrid.maps.dense_map import MOST_CELLS, DenseMap
 Pixels = NDArray[np.uint8]  # (H, W) grey or (H, W, 4) red, green, blue, alpha; the first row is the largest y
 Cells = NDArray[np.int8]  # (H, W); the first row is the smallest y
 
-THRESHOLDS = {"trinary": (0.65, 0.196), "scale": (1.0, 0.0), "raw": (0.65, 0.196)}  # occupied, free; between those of scale, grey is linear
-OCCUPIED, FREE, UNKNOWN = 0, 254, 205  # grey levels of trinary
+THRESHOLDS = {
+    "trinary": (OCCUPIED, FREE),
+    "scale": (1.0, 0.0),
+    "raw": (OCCUPIED, FREE),
+}  # occupied, free; between those of scale, grey is linear
+BLACK, WHITE, GREY = 0, 254, 205  # levels of trinary: occupied, free, unknown
 CLAMP = 3.5  # log-odds of what a file calls sure
 MOST_YAML = 64 << 10  # bytes
 MODES = tuple(THRESHOLDS)
@@ -68,9 +72,9 @@ def pixels_of(log_odds: LogOdds, mode: str) -> Pixels:
         grey = np.where(known, np.rint(255 * (1 - p)), 128).astype(np.uint8)
         return np.stack((grey, grey, grey, np.where(known, 255, 0).astype(np.uint8)), axis=-1)
     occupied, free = THRESHOLDS[mode]
-    grey = np.full(p.shape, UNKNOWN, dtype=np.uint8)
-    grey[(p >= occupied) & known] = OCCUPIED
-    grey[(p <= free) & known] = FREE
+    grey = np.full(p.shape, GREY, dtype=np.uint8)
+    grey[(p >= occupied) & known] = BLACK
+    grey[(p <= free) & known] = WHITE
     return grey
 
 

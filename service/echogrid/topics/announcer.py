@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from echogrid.config.tables import Config, Publish
 from echogrid.core.map.map_delta import NOTHING, Rectangle, around, changed, key_window
 from echogrid.core.map.tile import SIDE
-from echogrid.core.map.tiled_map import LogOdds
+from echogrid.core.map.tiled_map import FREE, OCCUPIED, LogOdds
 from echogrid.core.mapper import Mapper, MapUpdate
 from echogrid.topics.diagnostic_array import encode_diagnostics
 from echogrid.topics.diagnostics import diagnostics
@@ -38,7 +38,7 @@ from echogrid.topics.topic import (
 )
 
 MAP_FRAME, CAR_FRAME = "odom", "base"
-OCCUPIED_FROM, FREE_UP_TO = 65, 19  # percent: what nav2_map_server saves and reads as occupied and free, p >= 0.65 and p <= 0.196
+OCCUPIED_FROM, FREE_UP_TO = round(100 * OCCUPIED), round(100 * FREE)  # percent, as map.yaml has it
 KEY_PERIOD_NS = 1_000_000_000  # a key frame goes out at the latest with the first window that is so much younger than the last one
 
 

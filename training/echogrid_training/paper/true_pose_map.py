@@ -16,7 +16,7 @@ import numpy as np
 from echogrid.core.evidence.raster import Image
 from echogrid.core.map.look_map import Calibration, LookMap
 from echogrid.core.map.occupancy import OccupancyMap
-from echogrid.core.map.tiled_map import LogOdds, TiledMap
+from echogrid.core.map.tiled_map import LogOdds
 from echogrid.core.messages import Floats
 from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
@@ -67,12 +67,17 @@ def way_length(places: Floats) -> float:
 
 def mapped(answers: Image, poses: Sequence[SE2], truth: TruthMap, rule: Rule) -> LogOdds:
     """The map of answers (n, 128, 128) at n poses, on the cells of the true one; 0 where nothing was said."""
-    occupancy: TiledMap = OccupancyMap(SPEC, CLAMP) if rule == "sum" else LookMap(SPEC, Calibration())
-    for answer, pose in zip(answers, poses, strict=True):
-        said = answer if rule == "sum" else np.stack((answer, np.ones_like(answer)))
-        occupancy.integrate(said, pose)
     column, row = (round(place / truth.cell) for place in truth.origin)
-    return occupancy.window(row, column, *truth.log_odds.shape)
+    where = (row, column, *truth.log_odds.shape)
+    if rule == "sum":
+        total = OccupancyMap(SPEC, CLAMP)
+        for answer, pose in zip(answers, poses, strict=True):
+            total.integrate(answer, pose)
+        return total.window(*where)
+    looks = LookMap(SPEC, Calibration())
+    for answer, pose in zip(answers, poses, strict=True):
+        looks.integrate(np.stack((answer, np.ones_like(answer))), pose)
+    return looks.learned(looks.window_of_layers(*where))  # nothing was measured
 
 
 @dataclass(frozen=True, slots=True)

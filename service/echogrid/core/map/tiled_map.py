@@ -17,6 +17,7 @@ from echogrid.core.map.tile import SIDE, Layers, Tile, TileKey
 from echogrid.core.motion.se2 import SE2
 
 LogOdds = NDArray[np.float32]
+OCCUPIED, FREE = 0.5, 0.1  # probabilities from which, and up to which, a cell is to be called so: docs/fusion.md says why
 NEWEST_S = 2**32 - 1  # that seen_s can hold: the year 2106
 
 
