@@ -34,12 +34,14 @@ class RadarType:
     azimuth_resolution: float = math.radians(8.0)  # at boresight
     false_alarm: float = 1e-4  # probability per cell
     range_sigma: float = 0.06  # m, at best
+    detour: float = 0.0  # m, mean of what a signal goes about inside and behind what it meets: under cars, through windows, round frames
     azimuth_sigma: float = 1.0  # factor on the best azimuth error, which is 0.3° ahead, 1° at 45° and 4° at 70°
     range_rate_sigma: float = 0.10  # m/s
     tails: float = 0.05  # share of detections whose azimuth errs three times as much
     azimuth_outliers: float = 0.01  # share that are off by 10 to 40°
     doppler_outliers: float = 0.05  # share with an arbitrary range rate
     ambiguity: float = 0.0  # m/s, interval of the range rate; 0: none
+    centroids: bool = False  # whether a detection lies at the centroid of its resolution cell: else where the strongest echo comes from
     position_step: float = 0.0  # m, to which x and y are rounded; 0: not
     fading: float = 4.0  # dB, slow, as the aspect changes
     rcs_offset: float = -8.0  # dB between the true and the reported cross-section
@@ -54,6 +56,7 @@ class Corner:
     mount: RadarMount
     phase: float = 0.0  # of its cycle, as a share of the cycle
     azimuth_bias: float = 0.0  # rad, of mounting
+    range_bias: float = 0.0  # m
     ripple: float = 0.0  # rad, amplitude of the radome's error over azimuth
     range_rate_bias: float = 0.0  # m/s
     blockage: float = 0.0  # 0 clear … 1 blind
@@ -120,6 +123,39 @@ def paper_sensors(seed: int, family: str) -> Episode:
         motion=drawn.motion,
         density=float(rng.uniform(15.0, 35.0)),
         dropped=drawn.dropped,
+    )
+
+
+def sparse_sensors(seed: int, family: str) -> Episode:
+    """A drawn episode whose radars report clusters, as series sensors of the last generation do: few of them, each one for several echoes,
+    somewhere within what reflects and not on its face, from radars that are not quite where and how the configuration says.
+    """
+    drawn = draw_episode(seed, family)
+    rng = np.random.default_rng((seed, zlib.crc32(family.encode()), 2))
+    radar = replace(
+        drawn.radar,
+        cycle=float(rng.uniform(0.050, 0.100)),
+        range_resolution=_log(rng, 0.4, 1.8),
+        azimuth_resolution=math.radians(_log(rng, 5.0, 14.0)),
+        range_sigma=float(rng.uniform(0.05, 0.35)),
+        azimuth_sigma=float(rng.uniform(0.8, 2.0)),
+        detour=_log(rng, 0.05, 0.6),
+        centroids=True,
+        position_step=0.2 if rng.uniform() < 0.5 else 0.0,
+        fading=float(rng.uniform(3.0, 7.0)),
+    )
+    bias = rng.uniform(-0.1, 0.4)  # m, of all radars of a kind
+    corners = tuple(
+        replace(corner, azimuth_bias=math.radians(rng.uniform(-2.0, 2.0)), range_bias=float(bias + rng.normal(0.0, 0.08)))
+        for corner in drawn.corners
+    )
+    return replace(
+        drawn,
+        radar=radar,
+        corners=corners,  # type: ignore[arg-type]
+        density=_log(rng, 1.0, 24.0),
+        clutter=_log(rng, 0.005, 0.15),
+        ground=float(rng.uniform(0.0, 0.02)),
     )
 
 

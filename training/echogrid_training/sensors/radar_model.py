@@ -198,7 +198,9 @@ def detect(arriving: Echoes, radar: RadarType, rng: np.random.Generator) -> Echo
 
 
 def merge(found: Echoes, radar: RadarType, offset: Floats) -> Echoes:
-    """The strongest of each resolution cell. `offset` (3,): where the cells begin, as shares of a cell."""
+    """The strongest of each resolution cell, or its like at the centroid of all their power. `offset` (3,): where the cells begin, as
+    shares of a cell.
+    """
     # An antenna's beams are equally wide in the sine of the azimuth.
     cells = (found["range"] / radar.range_resolution, found["range_rate"] / radar.range_rate_resolution) + (
         (np.sin(found["azimuth"]) / np.sin(min(radar.azimuth_resolution, np.pi / 2)),) if radar.azimuth_resolution < np.pi else ()
@@ -207,8 +209,14 @@ def merge(found: Echoes, radar: RadarType, offset: Floats) -> Echoes:
     for cell, start in zip(cells, offset, strict=False):
         key = key * 20011 + np.floor(cell + start).astype(np.int64)
     order = np.argsort(-found["snr"], kind="stable")
-    _, first = np.unique(key[order], return_index=True)
-    return found[order[first]]
+    _, first, member = np.unique(key[order], return_index=True, return_inverse=True)
+    kept = found[order[first]]
+    if radar.centroids:
+        share = 10.0 ** (found["snr"][order] / 10.0)
+        total = np.bincount(member, share)
+        for name in ("range", "azimuth"):
+            kept[name] = np.bincount(member, share * found[name][order]) / total
+    return kept
 
 
 def measure(found: Echoes, corner: Corner, radar: RadarType, rng: np.random.Generator) -> Echoes:
@@ -216,6 +224,9 @@ def measure(found: Echoes, corner: Corner, radar: RadarType, rng: np.random.Gene
     count, snr = len(found), 10.0 ** (found["snr"] / 10.0)
     out = found.copy()
     out["range"] += rng.normal(size=count) * (radar.range_sigma * np.sqrt(np.maximum(1.0, 20.0 / snr)) + found["spread"])
+    if radar.detour > 0:
+        out["range"] += radar.detour * rng.standard_exponential(count)
+    out["range"] += corner.range_bias
 
     off = np.abs(found["azimuth"])
     by_noise = min(radar.azimuth_resolution, BEAM_AT_MOST) / (1.6 * np.cos(np.minimum(off, 1.4)) * np.sqrt(2.0 * snr))
