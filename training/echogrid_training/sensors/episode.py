@@ -35,6 +35,7 @@ class RadarType:
     false_alarm: float = 1e-4  # probability per cell
     range_sigma: float = 0.06  # m, at best
     detour: float = 0.0  # m, mean of what a signal goes about inside and behind what it meets: under cars, through windows, round frames
+    inward: float = 0.0  # share at most of the way to a body's middle by which a cluster of its echoes lies inside
     azimuth_sigma: float = 1.0  # factor on the best azimuth error, which is 0.3° ahead, 1° at 45° and 4° at 70°
     range_rate_sigma: float = 0.10  # m/s
     tails: float = 0.05  # share of detections whose azimuth errs three times as much
@@ -140,6 +141,7 @@ def sparse_sensors(seed: int, family: str) -> Episode:
         range_sigma=float(rng.uniform(0.05, 0.35)),
         azimuth_sigma=float(rng.uniform(0.8, 2.0)),
         detour=_log(rng, 0.05, 0.6),
+        inward=float(rng.uniform(0.0, 0.8)),
         centroids=True,
         position_step=0.2 if rng.uniform() < 0.5 else 0.0,
         fading=float(rng.uniform(3.0, 7.0)),
@@ -154,7 +156,7 @@ def sparse_sensors(seed: int, family: str) -> Episode:
         radar=radar,
         corners=corners,  # type: ignore[arg-type]
         density=_log(rng, 1.0, 24.0),
-        clutter=_log(rng, 0.005, 0.15),
+        clutter=_log(rng, 0.01, 0.3),
         ground=float(rng.uniform(0.0, 0.02)),
     )
 

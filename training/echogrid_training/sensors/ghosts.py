@@ -44,6 +44,7 @@ def ghosts(rows: Scatterers, share: float, flats: Flats, near: Indices, barriers
     images["y"] -= 2 * depth * normal[:, 1]
     images["vx"] -= 2 * moving * normal[:, 0]
     images["vy"] -= 2 * moving * normal[:, 1]
+    images["into_x"] = images["into_y"] = 0.0  # what is mirrored is no body
     images["facing"] = 2 * np.arctan2(along[:, 1], along[:, 0]) - images["facing"]
     images["rcs"] -= FAINTER[0] + (FAINTER[1] - FAINTER[0]) * images["luck"] / share
 

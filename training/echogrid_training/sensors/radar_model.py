@@ -37,8 +37,8 @@ GHOST_SOURCES = 12.0  # how many more reflections are mirrored than are seen to 
 TWICE_FROM, TWICE_LOSS = 35.0, 22.0  # dB: reflections so strong that they come back again
 BEAM_AT_MOST = np.radians(12.7)  # rad: a single beam is compared with another one, which is as good as eight antennas
 
-ECHO = np.dtype([(name, float) for name in ("range", "azimuth", "range_rate", "snr", "path", "spread", "flutter")])
-Echoes = NDArray[np.void]  # (N,) of ECHO: m, rad, m/s, dB, dB (SNR less cross-section), m, m/s
+ECHO = np.dtype([(name, float) for name in ("range", "azimuth", "range_rate", "snr", "path", "spread", "flutter", "deeper", "aside")])
+Echoes = NDArray[np.void]  # (N,) of ECHO: m, rad, m/s, dB, dB (SNR less cross-section), m, m/s; m and rad to the middle of its body
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +161,8 @@ def echoes(rows: Scatterers, sensor: Sensor, radar: RadarType, power: float) -> 
     out["range_rate"] = ((rows["vx"] - sensor.vx) * dx + (rows["vy"] - sensor.vy) * dy) / distance
     out["snr"], out["path"] = rcs + path, path
     out["spread"], out["flutter"] = rows["spread"], rows["flutter"]
+    out["deeper"] = (rows["into_x"] * dx + rows["into_y"] * dy) / distance
+    out["aside"] = (rows["into_y"] * dx - rows["into_x"] * dy) / distance**2
     heard = out["snr"] > FAINT
     return out[heard], rows[heard]
 
@@ -224,9 +226,6 @@ def measure(found: Echoes, corner: Corner, radar: RadarType, rng: np.random.Gene
     count, snr = len(found), 10.0 ** (found["snr"] / 10.0)
     out = found.copy()
     out["range"] += rng.normal(size=count) * (radar.range_sigma * np.sqrt(np.maximum(1.0, 20.0 / snr)) + found["spread"])
-    if radar.detour > 0:
-        out["range"] += radar.detour * rng.standard_exponential(count)
-    out["range"] += corner.range_bias
 
     off = np.abs(found["azimuth"])
     by_noise = min(radar.azimuth_resolution, BEAM_AT_MOST) / (1.6 * np.cos(np.minimum(off, 1.4)) * np.sqrt(2.0 * snr))
@@ -235,12 +234,22 @@ def measure(found: Echoes, corner: Corner, radar: RadarType, rng: np.random.Gene
     azimuth = found["azimuth"] + corner.azimuth_bias + corner.ripple * np.sin(5.0 * found["azimuth"]) + rng.normal(size=count) * sigma
     jump = np.radians(rng.uniform(10.0, 40.0, count)) * np.where(azimuth > 0, -1.0, 1.0)  # inwards, where the other lobe is in view
     azimuth = np.where(rng.uniform(size=count) < radar.azimuth_outliers, azimuth + jump, azimuth)
-    out["azimuth"] = np.clip(azimuth, -radar.half_fov, radar.half_fov)
 
     rate = found["range_rate"] + corner.range_rate_bias + rng.normal(size=count) * np.hypot(radar.range_rate_sigma, found["flutter"])
     most = radar.ambiguity / 2 or 15.0
     out["range_rate"] = np.where(rng.uniform(size=count) < radar.doppler_outliers, rng.uniform(-most, most, count), rate)
+
+    inward, detour = displaced(count, radar, rng)
+    out["range"] += corner.range_bias + inward * found["deeper"] + detour
+    out["azimuth"] = np.clip(azimuth + inward * found["aside"], -radar.half_fov, radar.half_fov)
     return out
+
+
+def displaced(count: int, radar: RadarType, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """(count,) share of the way to its body's middle by which each detection lies inside, and (count,) m that it lies farther away."""
+    if radar.inward == radar.detour == 0.0:
+        return np.zeros(count), np.zeros(count)
+    return radar.inward * rng.uniform(size=count), radar.detour * rng.standard_exponential(count)
 
 
 def clutter(sensor: Sensor, episode: Episode, power: float, rng: np.random.Generator) -> Echoes:

@@ -29,6 +29,8 @@ SCATTERER = np.dtype(
         ("spread", float),  # m, one sigma of where within a volume the reflection comes from
         ("beyond", float),  # m, detour of the signal's way
         ("flutter", float),  # m/s, one sigma of its own motion's range rate: legs, spokes
+        ("into_x", float),  # m, to the middle of the body it belongs to; 0 for what has none
+        ("into_y", float),
         ("vx", float),  # m/s over ground
         ("vy", float),
         ("wave_x", float, (WAVES,)),  # rad/m, wave numbers and phases (rad) of its fading over the sensor's place
@@ -225,7 +227,7 @@ def car(length: float, width: float, rng: np.random.Generator) -> Scatterers:
     wheels = np.array(((0.62 * x, y), (-0.62 * x, y), (-0.62 * x, -y), (0.62 * x, -y)))
     panels, of_panel = _along(Sides(np.stack((corners, np.roll(corners, -1, axis=0)), axis=1), np.ones(4, dtype=bool)), 0.7, rng)
     clad = 10.0 * np.log10(rng.weibull(1.5, 12) + 0.02)  # dB, the spread between cars
-    return np.concatenate(
+    rows = np.concatenate(
         (
             points(corners, rng, rcs=1.0 + clad[:4], facing=np.arctan2(corners[:, 1], corners[:, 0]), width=np.radians(70.0)),
             points(wheels, rng, rcs=0.0 + clad[4:8], facing=np.sign(wheels[:, 1]) * np.pi / 2, width=np.radians(35.0)),
@@ -236,6 +238,8 @@ def car(length: float, width: float, rng: np.random.Generator) -> Scatterers:
             points(np.zeros((1, 2)), rng, rcs=rng.normal(-2.0, 3.0), beyond=rng.uniform(0.0, 1.0)),
         )
     )
+    rows["into_x"], rows["into_y"] = -rows["x"], -rows["y"]
+    return rows
 
 
 def pedestrian(length: float, width: float, rng: np.random.Generator) -> Scatterers:
@@ -262,6 +266,7 @@ def placed(body: Scatterers, x: float, y: float, yaw: float, speed: float = 0.0,
     rows = body.copy()
     cos, sin = np.cos(yaw), np.sin(yaw)
     arm_x, arm_y = cos * body["x"] - sin * body["y"], sin * body["x"] + cos * body["y"]
+    rows["into_x"], rows["into_y"] = cos * body["into_x"] - sin * body["into_y"], sin * body["into_x"] + cos * body["into_y"]
     rows["x"], rows["y"], rows["facing"] = x + arm_x, y + arm_y, body["facing"] + yaw
     rows["vx"], rows["vy"] = speed * cos - yaw_rate * arm_y, speed * sin + yaw_rate * arm_x
     return rows
