@@ -15,11 +15,20 @@ import numpy as np
 from echogrid.errors import EchogridError
 from echogrid_training.drives.drive import check_free, write_drive
 from echogrid_training.drives.simulate import simulate
-from echogrid_training.sensors.episode import draw_episode, paper_sensors
+from echogrid_training.sensors.episode import Episode, draw_episode, paper_sensors, sparse_sensors
 from echogrid_training.worlds.layout import make_town
 from echogrid_training.worlds.osm import town_from_osm
 
 PLAN = "campaign.json"
+
+Kind = Literal["drawn", "paper", "sparse"]
+SENSORS: dict[
+    Kind, Callable[[int, str], Episode]
+] = {  # of each drive, anew: over wide ranges, the paper's kind, or such as report clusters
+    "drawn": draw_episode,
+    "paper": paper_sensors,
+    "sparse": sparse_sensors,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +40,7 @@ class Campaign:
     seconds: float
     seed: int
     osm: str | None = None
-    sensors: Literal["drawn", "paper"] = "drawn"  # for every drive, over wide ranges; or the paper's kind
+    sensors: Kind = "drawn"
 
     def name(self, index: int) -> str:
         """The folder of one town."""
@@ -84,8 +93,7 @@ def make(campaign: Campaign, index: int, out: Path) -> str:
         town = make_town(campaign.family, seed, campaign.seconds)
     else:
         town = town_from_osm(Path(campaign.osm), seed, campaign.seconds)
-    episode = paper_sensors(seed, campaign.family) if campaign.sensors == "paper" else draw_episode(seed, campaign.family)
-    recording, truth = simulate(town, episode)
+    recording, truth = simulate(town, SENSORS[campaign.sensors](seed, campaign.family))
     write_drive(recording, folder, seed=seed, truth_map=truth)
     return folder.name
 

@@ -23,6 +23,7 @@ from echogrid.logs.drive import find_drive
 from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
 from echogrid_training.sensors.disturbance import Disturbance
+from echogrid_training.truth.earned import earned
 from echogrid_training.truth.simulated_truth import load_simulated_truth
 
 SPACING = 1.0  # m: nearer neighbours would say nearly the same
@@ -32,7 +33,7 @@ SPACING = 1.0  # m: nearer neighbours would say nearly the same
 class Sample:
     """One map update: `image` is what the service shows its network, `truth` the log-odds of the true map around the car.
 
-    Where `truth` is 0 nothing was ever observed; ground_truth.ternary and .soft make labels of it.
+    Where `truth` is 0 nothing was ever observed, or no radar could tell (truth.earned); ground_truth.ternary and .soft make labels of it.
     """
 
     stamp_ns: int
@@ -81,7 +82,9 @@ def samples(folder: Path, disturbance: Disturbance | None = None, spacing: float
         if last is None or math.hypot(pose.x - last.x, pose.y - last.y) >= spacing:
             last = pose
             lidar = rasterize(truth.lidar_points(update.ego.stamp_ns, pose), spec)[0] > 0
-            yield Sample(update.ego.stamp_ns, lidar.astype(np.uint8), raster(seen[0]), truth.map.patch(pose, spec), pose)
+            patch = truth.map.patch(pose, spec)
+            patch[~earned(patch, seen[0], spec)] = 0.0
+            yield Sample(update.ego.stamp_ns, lidar.astype(np.uint8), raster(seen[0]), patch, pose)
 
 
 def _disturbed(on_scan: Callable[[RadarScan], None], disturbance: Disturbance) -> Callable[[RadarScan], None]:

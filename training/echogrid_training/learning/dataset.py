@@ -37,7 +37,7 @@ HELD_OUT = 8  # one town in so many is for validation
 ARRAYS = ("images", "lidar", "labels")  # of Samples
 SPEC = GridSpec()  # what the networks are made for
 
-CUT_BY = ("drives/samples.py", "sensors/disturbance.py", "truth/ground_truth.py")  # what scans become samples by
+CUT_BY = ("drives/samples.py", "sensors/disturbance.py", "truth/ground_truth.py", "truth/earned.py")  # what scans become samples by
 READ_BY = ("core", "can", "logs")  # rooms of the service by which frames become scans and images
 
 Labels = NDArray[np.int8]

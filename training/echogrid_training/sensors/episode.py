@@ -155,7 +155,7 @@ def sparse_sensors(seed: int, family: str) -> Episode:
         drawn,
         radar=radar,
         corners=corners,  # type: ignore[arg-type]
-        density=_log(rng, 1.0, 24.0),
+        density=_log(rng, 0.7, 24.0),
         clutter=_log(rng, 0.01, 0.3),
         ground=float(rng.uniform(0.0, 0.02)),
     )

@@ -50,6 +50,7 @@ LOSS = {  # dB, both ways, of a signal that crosses one side of a thing
     Material.HEDGE: 6.0,
     Material.FENCE: 1.5,
     Material.GUARD_RAIL: 5.0,
+    Material.BARRIER: 3.0,
     Material.PEDESTRIAN: 2.0,
     Material.CYCLIST: 2.0,
 }
@@ -113,11 +114,30 @@ def static_scatterers(things: Sequence[Thing], rng: np.random.Generator) -> Scat
             rows.append(points(centre[None], rng, rcs=rng.normal(0.0, 4.0)))
         elif thing.material is Material.TREE:
             rows.append(points(centre[None], rng, rcs=rng.normal(-6.0, 4.0), spread=0.05))
+        elif thing.material in LOOSE:
+            mean, count = LOOSE[thing.material]
+            rows.append(_loose(thing.outline, mean, count, rng))
         elif thing.material is Material.OVERHEAD:
             rows.append(_overhead(thing, rng))
         elif thing.material in (Material.PEDESTRIAN, Material.CYCLIST):
             rows.append(placed(BODIES[thing.material](0.5, 0.5, rng), float(centre[0]), float(centre[1]), 0.0))
     return np.concatenate(rows)
+
+
+LOOSE = {  # dBsm on average, and reflections, of small things without a shape worth telling
+    Material.CONE: (-26.0, 1),
+    Material.BARRIER: (-15.0, 4),
+    Material.BICYCLE: (-12.0, 3),
+    Material.PLATE: (-17.0, 1),
+}
+
+
+def _loose(outline: Floats, mean: float, count: int, rng: np.random.Generator) -> Scatterers:
+    """Reflections anywhere between a thing's middle and its outline (N, 2)."""
+    middle = outline.mean(axis=0)
+    ends = outline[rng.integers(len(outline), size=count)]
+    places = middle + rng.uniform(0.0, 1.0, (count, 1)) * (ends - middle)
+    return points(places, rng, rcs=rng.normal(mean, 5.0, count))
 
 
 def _along(sides: Sides, pitch: float, rng: np.random.Generator) -> tuple[Floats, NDArray[np.intp]]:

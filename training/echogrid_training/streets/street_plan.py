@@ -78,7 +78,7 @@ def _grid(plan: Plan, style: Style, rng: np.random.Generator) -> None:
     blocks = [(row, column) for row in range(count - 1) for column in range(count - 1) if not {(row, column), (row + 1, column)} & missing]
     for use, (row, column) in enumerate(blocks[index] for index in rng.permutation(len(blocks))[:7]):
         corners = ids[row][column], ids[row][column + 1], ids[row + 1][column + 1], ids[row + 1][column]
-        if style.layout == "car_park" and use < 2:
+        if style.layout in ("car_park", "plaza") and use < 2:
             _car_park(plan, corners)
         elif use < 4:
             bottom = plan.split(corners[0], corners[1], rng.uniform(0.4, 0.6))

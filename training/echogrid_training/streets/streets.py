@@ -13,6 +13,8 @@ from echogrid_training.streets.shapes import along, distances, length, part, res
 from echogrid_training.streets.street_plan import Plan, sketch
 from echogrid_training.streets.style import Style
 
+WIDE = 8.1  # m of carriageway, from which on people drive faster
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StreetPlan:
@@ -30,7 +32,7 @@ def plan_streets(style: Style, rng: np.random.Generator) -> StreetPlan:
 
 def _built(plan: Plan, style: Style, rng: np.random.Generator) -> StreetPlan:
     """Streets with widths and sides along the plan's edges, all bent by one smooth field."""
-    straight = style.layout in ("multi_storey", "car_park")
+    straight = style.layout in ("multi_storey", "car_park", "plaza")
     bend = _Bend(0.0 if straight else style.warp, rng)
     nodes = [bend(np.array([node]))[0] for node in plan.nodes]
     streets = []
@@ -74,7 +76,8 @@ def _street(ends: tuple[int, int], line: Floats, kind: Kind, style: Style, rng: 
     for _ in range(2):
         parking = Parking(float(rng.choice((0.0, 2.1, 4.7, 5.1), p=(0.3, 0.48, 0.09, 0.13))))
         sides.append(Side(parking, style.pavement * rng.uniform(0.9, 1.15)))
-    return Street(ends, line, style.carriageway * rng.uniform(0.97, 1.05), rng.uniform(8.3, 13.9), kind, sides[0], sides[1])
+    fastest = 13.9 if style.carriageway < WIDE else 18.0
+    return Street(ends, line, style.carriageway * rng.uniform(0.97, 1.05), rng.uniform(8.3, fastest), kind, sides[0], sides[1])
 
 
 def _round(

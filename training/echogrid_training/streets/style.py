@@ -1,5 +1,6 @@
 """What towns of a family look like: ranges to draw each town's habits from, disjoint from family to family, and layouts of their own.
 
+In the family `open` hardly anything bounds the road: wide streets with room beside them, few houses, few parked cars, many small things.
 Held out for test: the organic street plan (streets that fork at odd angles), the multi-storey car park, and colonnades.
 """
 
@@ -33,6 +34,7 @@ class Family:
     wall: Range  # m, heights of garden walls
     skew: Range  # rad, one sigma of how crookedly people park
     layouts: tuple[str, ...]
+    small: float  # 0 no small things beside and on the road, 1 all kinds of them
     lots: tuple[tuple[str, float], ...]
 
 
@@ -57,6 +59,7 @@ class Style:
     wall: float
     skew: float
     layout: str
+    small: float
     lots: tuple[tuple[str, float], ...]
 
 
@@ -79,6 +82,7 @@ FAMILIES = {
         wall=(0.9, 1.7),
         skew=(0.015, 0.035),
         layouts=("grid", "grid", "roundabout", "car_park"),
+        small=0.5,
         lots=(("row", 4.0), ("house", 3.0), ("forecourt", 0.7), ("green", 0.8), ("yard", 0.6), ("hall", 0.4)),
     ),
     "calibration": Family(
@@ -99,6 +103,7 @@ FAMILIES = {
         wall=(1.75, 2.2),
         skew=(0.036, 0.05),
         layouts=("brick", "brick", "lane"),
+        small=0.0,
         lots=(("row", 3.0), ("house", 4.0), ("forecourt", 0.6), ("green", 1.0), ("yard", 0.5)),
     ),
     "test": Family(
@@ -119,14 +124,36 @@ FAMILIES = {
         wall=(0.5, 0.85),
         skew=(0.004, 0.013),
         layouts=("organic", "organic", "multi_storey"),
+        small=0.0,
         lots=(("row", 4.0), ("house", 1.5), ("colonnade", 1.5), ("forecourt", 0.7), ("green", 0.8), ("yard", 0.5)),
     ),
+    "open": Family(
+        block=(116.0, 150.0),
+        warp=(14.2, 20.0),
+        carriageway=(8.2, 19.0),
+        pavement=(4.3, 6.0),
+        alley=(4.9, 5.6),
+        ring=(17.2, 20.0),
+        front=(24.2, 30.0),
+        depth=(16.2, 20.0),
+        setback=(8.2, 13.0),
+        storeys=(3.2, 4.8),
+        parked=(0.02, 0.29),
+        pitch=(7.5, 9.0),
+        lamps=(40.5, 60.0),
+        trees=(17.5, 30.0),
+        wall=(0.3, 0.48),
+        skew=(0.051, 0.09),
+        layouts=("wide", "wide", "plaza"),
+        small=1.0,
+        lots=(("bare", 5.0), ("green", 1.0), ("forecourt", 1.0), ("house", 0.7), ("yard", 0.5), ("hall", 0.5), ("row", 0.5)),
+    ),
 }
-LIKE_ALL = ("layouts", "lots")  # fields that are no ranges
+LIKE_ALL = ("layouts", "small", "lots")  # fields that are no ranges
 
 
 def draw(family: Family, rng: np.random.Generator) -> Style:
     """A town's habits."""
     names = [field.name for field in fields(Family) if field.name not in LIKE_ALL]
     drawn = {name: float(rng.uniform(*getattr(family, name))) for name in names}
-    return Style(**drawn, layout=str(rng.choice(family.layouts)), lots=family.lots)
+    return Style(**drawn, layout=str(rng.choice(family.layouts)), small=family.small, lots=family.lots)

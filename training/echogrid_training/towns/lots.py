@@ -40,7 +40,7 @@ def line_front(border: Floats, begin: float, end: float, style: Style, rng: np.r
         wide = min(wanted, end - place)
         if end - place - wide < 5.0:
             wide = end - place
-        if wide < 9.0:  # too narrow for anything else
+        if wide < 9.0 and name != "bare":  # too narrow for anything else
             name = "row"
         middle = frame_at(border, place + wide / 2)
         lot = middle @ SE2(-wide / 2, 0.0, 0.0)
@@ -60,7 +60,14 @@ def _width(name: str, style: Style, rng: np.random.Generator) -> float:
         return style.front * rng.uniform(0.8, 1.25)
     if name == "house":
         return style.front + rng.uniform(4.0, 8.0)
-    widths = {"forecourt": (13.0, 22.0), "green": (10.0, 24.0), "yard": (10.0, 20.0), "hall": (24.0, 38.0), "colonnade": (18.0, 30.0)}
+    widths = {
+        "forecourt": (13.0, 22.0),
+        "green": (10.0, 24.0),
+        "yard": (10.0, 20.0),
+        "hall": (24.0, 38.0),
+        "colonnade": (18.0, 30.0),
+        "bare": (15.0, 40.0),
+    }
     return rng.uniform(*widths[name])
 
 
@@ -172,6 +179,15 @@ def _colonnade(lot: SE2, wide: float, height: float, style: Style, rng: np.rando
     return pieces
 
 
+def _bare(lot: SE2, wide: float, height: float, style: Style, rng: np.random.Generator) -> list[Piece]:
+    """Grass, gravel or asphalt, with a tree or two perhaps: nothing that bounds the street."""
+    return [
+        piece
+        for _ in range(int(rng.poisson(wide / 25.0)))
+        for piece in tree(lot @ SE2(rng.uniform(0.5, wide - 0.5), rng.uniform(0.8, 15.0), 0.0), rng)
+    ]
+
+
 _LOTS: dict[str, Callable[[SE2, float, float, Style, np.random.Generator], list[Piece]]] = {
     "row": _row,
     "house": _house,
@@ -180,6 +196,7 @@ _LOTS: dict[str, Callable[[SE2, float, float, Style, np.random.Generator], list[
     "yard": _yard,
     "hall": _hall,
     "colonnade": _colonnade,
+    "bare": _bare,
 }
 
 

@@ -24,6 +24,10 @@ class Material(Enum):
     HEDGE = "hedge"  # volumetric: a radar sees some way into it
     FENCE = "fence"  # wire: partly transparent
     GUARD_RAIL = "guard_rail"  # posts every 2 or 4 m and a rail
+    CONE = "cone"  # plastic: hardly seen by a radar
+    BARRIER = "barrier"  # of roadworks
+    BICYCLE = "bicycle"  # or motorcycle, that stands
+    PLATE = "plate"  # drains, covers and rails in the ground: free in the truth, but a radar sees them
     KERB = "kerb"  # under 0.2 m: free in the truth
     OVERHEAD = "overhead"  # bridges, crowns, ceilings: above a car's roof, free in the truth, but a radar may see them
     PEDESTRIAN = "pedestrian"
@@ -92,4 +96,4 @@ class Town:
 
 def observed_by_car(material: Material) -> bool:
     """Whether a thing of this material, from the ground up, stops a car: what the truth calls occupied."""
-    return material not in (Material.KERB, Material.OVERHEAD)
+    return material not in (Material.PLATE, Material.KERB, Material.OVERHEAD)

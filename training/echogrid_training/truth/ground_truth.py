@@ -88,7 +88,7 @@ class TruthBuilder:
         x, y = axis + corner[0], axis + corner[1]
         distance = np.hypot(x, y[:, None])
         ray = np.round(np.arctan2(y[:, None], x) * (AZIMUTHS / (2 * np.pi))).astype(np.intp) % AZIMUTHS
-        known = np.where(np.isfinite(ranges), ranges, 0.0)  # without a return nothing is said
+        known = np.where(np.isfinite(ranges), ranges, REACH)  # without one the ground is all there is: rings of it are seen that far
         before = np.minimum(known, np.minimum(np.roll(known, 1), np.roll(known, -1))) - self.cell / 2
         out = np.where((distance < before[ray]) & (distance < REACH), np.float32(PASS), np.float32(0.0))
         bearing = bearings()

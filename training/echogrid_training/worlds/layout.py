@@ -8,7 +8,7 @@ import shapely
 from echogrid.errors import EchogridError
 from echogrid_training.driving.ego_drive import BODY, Drive, drive
 from echogrid_training.driving.traffic import traffic
-from echogrid_training.streets.network import Kind, Street
+from echogrid_training.streets.network import Kind, Network, Street
 from echogrid_training.streets.shapes import length
 from echogrid_training.streets.streets import StreetPlan, plan_streets
 from echogrid_training.streets.style import FAMILIES, Style, draw
@@ -19,6 +19,7 @@ from echogrid_training.towns.fronts import fronts
 from echogrid_training.towns.furniture import along_street, at_crossings, bridge, island, kerbs
 from echogrid_training.towns.parking import beside
 from echogrid_training.towns.piece import Piece, cut, merged, things, within
+from echogrid_training.towns.roadside import along_road
 from echogrid_training.towns.town import Material, Road, Thing, Town
 
 SIGHT = 45.0  # m about the ego's way that is furnished
@@ -76,9 +77,19 @@ def _furnished(plan: StreetPlan, near: list[Street], way: Drive, style: Style, r
     gardens = cut([piece for piece in kept(lined) if piece.material is not Material.BUILDING], taken)
     # First come, first served: what was built first stands, what can be moved gives way.
     pieces = merged([*kept(structures), *kept(enclosed), *houses, *gardens, *kept(parked), *cut(kept(placed), ground)])
+    small = _small(network, near, style, area, rng)
+    pieces += merged([piece for piece in small if piece.material is not Material.PLATE], pieces)
+    plates = [piece for piece in small if piece.material is Material.PLATE]
     hindering = in_the_way([piece.shape for piece in pieces], swept(ego_corners(way.ego, BODY)))
     pieces = [piece for piece, hinders in zip(pieces, hindering, strict=True) if not hinders]
-    return tuple(things([*pieces, *above, *within(kerbs(ground), area)]))
+    return tuple(things([*pieces, *above, *plates, *within(kerbs(ground), area)]))
+
+
+def _small(network: Network, near: list[Street], style: Style, area: shapely.Geometry, rng: np.random.Generator) -> list[Piece]:
+    """What is small, beside and on the road."""
+    if style.small <= 0.0:
+        return []
+    return [piece for street in near for piece in along_road(network, street, style, rng) if shapely.intersects(area, piece.shape)]
 
 
 def _bridges(

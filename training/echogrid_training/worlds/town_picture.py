@@ -21,6 +21,10 @@ COLOURS = {
     Material.GUARD_RAIL: (90, 90, 130),
     Material.KERB: (185, 185, 185),
     Material.OVERHEAD: (225, 200, 235),
+    Material.CONE: (255, 90, 0),
+    Material.BARRIER: (220, 40, 90),
+    Material.BICYCLE: (150, 60, 200),
+    Material.PLATE: (140, 140, 150),
     Material.PEDESTRIAN: (230, 120, 0),
     Material.CYCLIST: (200, 0, 160),
 }
