@@ -71,9 +71,7 @@ def _parser() -> argparse.ArgumentParser:
     towns.add_argument("--towns", type=fit.positive, required=True, metavar="N", help="how many drives")
     towns.add_argument("--seconds", type=_seconds, default=60.0, metavar="T", help="of each drive (default: 60)")
     towns.add_argument("--seed", type=int, default=0, metavar="S")
-    towns.add_argument(
-        "--sensors", choices=campaign.SENSORS, default="drawn", help="drawn anew for every drive, the paper's, or sparse clusters"
-    )
+    towns.add_argument("--sensors", choices=campaign.SENSORS, default="drawn", help="of every drive (default: drawn)")
     towns.add_argument("--workers", type=fit.positive, default=os.cpu_count() or 1, metavar="N", help="processes; the result is the same")
     towns.add_argument("--out", type=Path, required=True, metavar="DIR")
     towns.set_defaults(command=_simulate)

@@ -22,9 +22,7 @@ from echogrid_training.worlds.osm import town_from_osm
 PLAN = "campaign.json"
 
 Kind = Literal["drawn", "paper", "sparse"]
-SENSORS: dict[
-    Kind, Callable[[int, str], Episode]
-] = {  # of each drive, anew: over wide ranges, the paper's kind, or such as report clusters
+SENSORS: dict[Kind, Callable[[int, str], Episode]] = {  # of each drive, anew
     "drawn": draw_episode,
     "paper": paper_sensors,
     "sparse": sparse_sensors,

@@ -6,11 +6,13 @@ import argparse
 import math
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from echogrid.core.evidence.history_raster import Bytes
 from echogrid.core.map.look_map import Calibration
+from echogrid.errors import EchogridError
 from echogrid_training.learning.dataset import Samples, find_drives, load_drives, split
 from echogrid_training.learning.map_calibration import calibrate_map
 from echogrid_training.recording import Track, untracked
@@ -33,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--epochs", type=positive, metavar="N", help="(default: 30, or 4 short ones with --small)")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of first weights, order and augmentation (default: 0)")
+    parser.add_argument("--from", dest="start", type=Path, metavar="FILE", help="a float ONNX file of the default network to go on from")
     parser.add_argument("--small", action="store_true", help="few samples, the paper's network half as wide: five minutes on two cores")
     parser.add_argument("--workers", type=positive, default=os.cpu_count() or 1, metavar="N", help="processes that cut samples")
     parser.add_argument("--resume", action="store_true", help="continue the run in --out where it was interrupted")
@@ -40,13 +43,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, track: Track = untracked) -> str:
     """Trains, judges, exports; returns the figures as a table in Markdown. Raises EchogridError."""
-    from echogrid_training.learning import export, train
+    from echogrid_training.learning import export, train, warm_start
 
     learned, held_out = split(find_drives(options.drives))
     samples, validation = (load_drives(drives, track, disturbed=True, workers=options.workers) for drives in (learned, held_out))
-    chosen = {} if options.epochs is None else {"epochs": options.epochs}
+    chosen: dict[str, Any] = {} if options.epochs is None else {"epochs": options.epochs}
+    if options.start is not None:
+        if options.network != "default":
+            raise EchogridError(f"--from {options.start}: is for the default network, found --network {options.network}")
+        chosen["rate"] = warm_start.RATE
     settings = (train.small if options.small else train.Settings)(options.network, options.weighting, seed=options.seed, **chosen)
-    trained = train.fit(samples, validation, settings, options.out, resume=options.resume, track=track)
+    start = None if options.start is None else warm_start.started(options.start, samples)
+    trained = train.fit(samples, validation, settings, options.out, resume=options.resume, track=track, start=start)
     if int(os.environ.get("RANK", "0")):
         return "the first process judges and exports"
     way, model = trained.recipe(), trained.model()

@@ -92,10 +92,12 @@ def recipe(settings: Settings, of_classes: tuple[float, float, float]) -> Recipe
 class Run:
     """What lives from step to step: the weights, their moving average, the optimiser, and how many epochs are done."""
 
-    def __init__(self, settings: Settings, recipe: Recipe, device: torch.device) -> None:
+    def __init__(self, settings: Settings, recipe: Recipe, device: torch.device, start: dict[str, Tensor] | None = None) -> None:
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(settings.seed)
             model = recipe.network()
+        if start is not None:
+            model.load_state_dict(start)
         self.model = model.to(device)
         for weight in self.model.parameters():
             if weight.dim() == 4:  # half as fast again on a CPU
@@ -130,22 +132,33 @@ def fit(
     resume: bool = False,
     track: Track = untracked,
     data_sha256: str | None = None,
+    start: dict[str, Tensor] | None = None,
 ) -> Trained:
     """Trains, and writes log, checkpoints and model into `out`. An interrupted run that is resumed ends with the same bits on a CPU.
 
-    Raises EchogridError where `out` holds another run, or this one without `resume`.
+    `start`: weights to begin with instead of random ones (warm_start.py).
+
+    Raises EchogridError where `out` holds another run, or this one and `resume` is not asked for.
     """
     data_sha256 = data_sha256 or learned.digest()
     with joined_ranks() as ranks:
-        return _fit(learned, held_out, settings, out, data_sha256, resume, track, ranks)
+        return _fit(learned, held_out, settings, out, data_sha256, resume, track, ranks, start)
 
 
 def _fit(
-    learned: Samples, held_out: Samples, settings: Settings, out: Path, data_sha256: str, resume: bool, track: Track, ranks: Ranks
+    learned: Samples,
+    held_out: Samples,
+    settings: Settings,
+    out: Path,
+    data_sha256: str,
+    resume: bool,
+    track: Track,
+    ranks: Ranks,
+    start: dict[str, Tensor] | None,
 ) -> Trained:
     of_classes = shares(learned.labels)
     way = recipe(settings, of_classes)
-    run = Run(settings, way, ranks.device)
+    run = Run(settings, way, ranks.device, start)
     out.mkdir(parents=True, exist_ok=True)
     what = asdict(settings) | {"data_sha256": data_sha256}
     _take_up(run, what, out, resume, ranks)

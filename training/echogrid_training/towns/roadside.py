@@ -82,7 +82,7 @@ def barrier(here: SE2, rng: np.random.Generator) -> Piece:
 def _person(kerb: SE2, pavement: float, rng: np.random.Generator) -> list[Piece]:
     """Who waits at the kerb or stands on the pavement, seldom alone."""
     place = kerb @ SE2(0.0, -rng.uniform(-0.2, pavement), 0.0)
-    some = (place @ SE2(*rng.normal(0.0, 0.7, 2), 0.0) for _ in range(int(rng.integers(1, 4))))
+    some = (place @ SE2(rng.normal(0.0, 0.7), rng.normal(0.0, 0.7), 0.0) for _ in range(int(rng.integers(1, 4))))
     return [solid(Material.PEDESTRIAN, disc(one.x, one.y, rng.uniform(0.2, 0.3), 6), rng.uniform(1.5, 1.9), whole=True) for one in some]
 
 
