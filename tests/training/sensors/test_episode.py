@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from echogrid_training.sensors.episode import Episode, draw_episode, paper_like, paper_sensors
+from echogrid_training.sensors.episode import Episode, draw_episode, paper_like, paper_sensors, sparse_sensors
 
 DRAWN = [draw_episode(seed, "street") for seed in range(400)]
 
@@ -87,3 +87,23 @@ def test_the_papers_car_on_many_drives() -> None:
         assert all(corner.lost == (0.0, 0.0) and corner.blockage == 0 for corner in one.corners)
     assert paper_sensors(5, "street") == many[5]
     assert paper_sensors(5, "lot").density != many[5].density
+
+
+def test_sparse_radars_are_drawn_over_what_recorded_ones_show() -> None:
+    """As other sensors on the same car: mounts, body and motion are those of the drawn episode; seeds repeat."""
+    many = [sparse_sensors(seed, "street") for seed in range(400)]
+    covers([math.log(one.density) for one in many], math.log(0.7), math.log(24.0))
+    covers([math.log(one.radar.detour) for one in many], math.log(0.05), math.log(0.6))
+    covers([one.radar.inward for one in many], 0.0, 0.8)
+    covers([one.radar.cycle for one in many], 0.050, 0.100)
+    covers([math.degrees(corner.azimuth_bias) for one in many for corner in one.corners], -2.0, 2.0)
+    assert 0.4 < np.mean([one.radar.position_step == 0.2 for one in many]) < 0.6
+    for seed, one in enumerate(many):
+        drawn = DRAWN[seed]
+        assert (one.body, one.motion) == (drawn.body, drawn.motion)
+        assert [corner.mount for corner in one.corners] == [corner.mount for corner in drawn.corners]
+        biases = [corner.range_bias for corner in one.corners]
+        assert np.ptp(biases) < 0.6  # one kind of radar
+        assert one.radar.centroids
+    assert sparse_sensors(5, "street") == many[5]
+    assert sparse_sensors(5, "lot") != many[5]

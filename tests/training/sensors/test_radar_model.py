@@ -195,6 +195,55 @@ def test_the_strongest_of_each_cell_is_left() -> None:
     assert len(strongest) < 300
 
 
+def test_a_cluster_lies_at_the_centroid_of_the_power_in_its_cell() -> None:
+    """Against a sum over each cell's echoes; which echoes are left does not change."""
+    rng = np.random.default_rng(1)
+    found = np.zeros(200, dtype=ECHO)
+    found["range"], found["azimuth"], found["snr"] = rng.uniform(1.0, 6.0, 200), rng.uniform(-1.0, 1.0, 200), rng.uniform(10.0, 30.0, 200)
+    radar = RadarType(range_resolution=1.0, azimuth_resolution=0.3, centroids=True)
+    strongest, clusters = (np.sort(merge(found, one, np.zeros(3)), order="snr") for one in (replace(radar, centroids=False), radar))
+    np.testing.assert_array_equal(clusters["snr"], strongest["snr"])
+    for cluster, best in zip(clusters, strongest, strict=True):
+        cell = (math.floor(best["range"]), math.floor(math.sin(best["azimuth"]) / math.sin(0.3)))
+        echoes_of = [one for one in found if (math.floor(one["range"]), math.floor(math.sin(one["azimuth"]) / math.sin(0.3))) == cell]
+        power = sum(10 ** (one["snr"] / 10) for one in echoes_of)
+        for name in ("range", "azimuth"):
+            assert cluster[name] == pytest.approx(sum(10 ** (one["snr"] / 10) * one[name] for one in echoes_of) / power)
+
+
+def test_clusters_lie_between_the_echo_and_the_middle_of_its_body() -> None:
+    """On that line in the world, evenly from the echo to the share at most; what has no body stays where it is."""
+    rng = np.random.default_rng(2)
+    middle = np.array((14.0, 6.0))
+    body = placed(car(4.5, 1.8, rng), float(middle[0]), float(middle[1]), 0.7)
+    here, radar = Sensor(0.0, 0.0, 0.2, 0.0, 0.0), RadarType(half_fov=math.pi, beam=1e3, inward=0.8, tails=0.0)
+    quiet = replace(radar, range_sigma=0.0, azimuth_sigma=0.0, azimuth_outliers=0.0)
+    found, rows = echoes(np.repeat(body, 200), here, quiet, 90.0)
+    seen = measure(found, replace(paper_like().corners[0], azimuth_bias=0.0, ripple=0.0), quiet, rng)
+    bearing = seen["azimuth"] + here.yaw
+    away = seen["range"] - rows["beyond"]
+    places = np.stack((away * np.cos(bearing), away * np.sin(bearing)), axis=-1)
+    from_echo = np.stack((rows["x"], rows["y"]), axis=-1)
+    way = middle - from_echo
+    far = np.hypot(*way.T)
+    share = ((places - from_echo) * way).sum(axis=1)[far > 0.5] / far[far > 0.5] ** 2
+    across = np.abs(way[:, 0] * (places - from_echo)[:, 1] - way[:, 1] * (places - from_echo)[:, 0])[far > 0.5] / far[far > 0.5]
+    assert across.max() < 0.15  # an arc for a chord
+    assert np.quantile(share, (0.02, 0.5, 0.98)) == pytest.approx((0.016, 0.4, 0.784), abs=0.05)
+    post, _ = echoes(points(np.array(((9.0, 3.0),)), rng, rcs=30.0), here, quiet, 90.0)
+    assert measure(post, replace(paper_like().corners[0], azimuth_bias=0.0), quiet, rng)["range"] == pytest.approx(math.hypot(9.0, 3.0))
+
+
+def test_detours_and_a_bias_make_things_look_farther() -> None:
+    count, radar = 20_000, RadarType(range_sigma=0.0, detour=0.4)
+    true = np.zeros(count, dtype=ECHO)
+    true["range"], true["snr"] = 10.0, 60.0
+    seen = measure(true, replace(paper_like().corners[0], range_bias=0.2), radar, np.random.default_rng(3))["range"] - 10.0
+    assert seen.min() >= 0.2
+    assert seen.mean() == pytest.approx(0.6, rel=0.03)
+    assert np.median(seen) == pytest.approx(0.2 + 0.4 * math.log(2.0), rel=0.03)  # exponential
+
+
 def test_motion_tells_directions_apart() -> None:
     """The same two reflections at equal range: one detection at standstill by a single beam, two under way."""
     rows = points(np.array(((8.0, 4.0), (8.0, -4.0))), np.random.default_rng(0), rcs=30.0)

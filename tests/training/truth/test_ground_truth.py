@@ -52,9 +52,9 @@ def one_turn(place: np.ndarray, ranges: np.ndarray, row: int, column: int, x: fl
             if math.floor(hit_x / SPEC.cell) == column and math.floor(hit_y / SPEC.cell) == row:
                 return HIT
     ray = round(math.atan2(y - place[1], x - place[0]) * AZIMUTHS / (2 * math.pi))
-    before = [ranges[(ray + step) % AZIMUTHS] for step in (-1, 0, 1)]
+    before = [min(ranges[(ray + step) % AZIMUTHS], REACH) for step in (-1, 0, 1)]  # without a return it saw the ground all the way
     distance = math.dist((x, y), place)
-    return PASS if all(math.isfinite(range_) and distance < range_ - SPEC.cell / 2 for range_ in before) else 0.0
+    return PASS if all(distance < range_ - SPEC.cell / 2 for range_ in before) else 0.0
 
 
 def test_movers_leave_no_occupied_cells() -> None:

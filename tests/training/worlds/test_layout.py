@@ -70,7 +70,35 @@ def test_things_are_well_formed_and_close_to_the_way() -> None:
     assert {Material.BUILDING, Material.CAR, Material.POLE, Material.KERB} <= {thing.material for thing in town.things}
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+def test_open_places_have_room_and_small_things_and_few_walls() -> None:
+    """Beside streets of the train family: more ground within 15 m of the way, fewer surfaces of houses, walls and cars, more on foot."""
+
+    def figures(family: str) -> tuple[float, float, int, int]:
+        ground, surface, small, plates = [], [], 0, 0
+        for seed in range(4):
+            town = make_town(family, seed, SECONDS)
+            near = shapely.buffer(shapely.linestrings(np.stack((town.ego.x, town.ego.y), axis=-1)), 15.0)
+            roads = shapely.union_all([shapely.buffer(shapely.linestrings(road.line), road.width / 2) for road in town.roads])
+            ground.append(shapely.area(shapely.intersection(roads, near)) / shapely.area(near))
+            bounding = [shape(t) for t in town.things if t.material in (Material.BUILDING, Material.WALL, Material.CAR, Material.FENCE)]
+            surface.append(shapely.length(shapely.intersection(shapely.boundary(shapely.union_all(bounding)), near)) / shapely.area(near))
+            small += sum(t.material in (Material.CONE, Material.BARRIER, Material.BICYCLE, Material.PEDESTRIAN) for t in town.things)
+            plates += sum(t.material is Material.PLATE for t in town.things)
+        return float(np.mean(ground)), float(np.mean(surface)), small, plates
+
+    open_, train, test = figures("open"), figures("train"), figures("test")
+    assert open_[0] > 1.3 * train[0]
+    assert open_[1] < 0.5 * train[1]
+    assert open_[2] > train[2] > test[2] == 0
+    assert min(open_[3], train[3]) > test[3] == 0
+
+
+def test_iron_in_the_ground_is_driven_over() -> None:
+    assert not observed_by_car(Material.PLATE)
+    assert all(thing.top < 0.3 for thing in make_town("open", 2, SECONDS).things if thing.material is Material.PLATE)
+
+
+@pytest.mark.parametrize("family", ["train", "calibration", "test"])
 def test_a_few_percent_of_the_cells_about_the_ego_are_surfaces(family: str) -> None:
     shares = []
     for seed in range(3):
@@ -86,7 +114,7 @@ def test_a_few_percent_of_the_cells_about_the_ego_are_surfaces(family: str) -> N
 
 
 def test_a_family_that_there_is_not_is_one_sentence() -> None:
-    with pytest.raises(EchogridError, match="there is no family of towns 'village', only train, calibration, test"):
+    with pytest.raises(EchogridError, match="there is no family of towns 'village', only train, calibration, test, open"):
         make_town("village", 0, SECONDS)
 
 

@@ -13,9 +13,10 @@ from echogrid.core.motion.se2 import SE2
 from echogrid_training.recording import EPOCH_NS, LidarTurns, Recording, Truth, untracked
 from echogrid_training.recording import Track as Progress
 from echogrid_training.sensors import lidar
+from echogrid_training.sensors.density import Station, sensitivity_for
 from echogrid_training.sensors.episode import Corner, Episode
 from echogrid_training.sensors.motion_model import sense_motion
-from echogrid_training.sensors.radar_model import Sensitivity, Sensor, Station, Surroundings, sense, sensitivity_for, sensor_at
+from echogrid_training.sensors.radar_model import Sensitivity, Sensor, Surroundings, sense, sensor_at
 from echogrid_training.sensors.visibility import Near, Traffic, poses_at
 from echogrid_training.towns.town import Thing, Town, Track, observed_by_car
 from echogrid_training.truth.ground_truth import TruthBuilder, TruthMap

@@ -8,8 +8,7 @@ does not.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +26,6 @@ from echogrid_training.towns.town import Town
 FAINT = -3.0  # dB of signal to noise, below which a detection is too rare (0.2 %) to be drawn
 FADES = 8.0  # dB that a scatterer may be stronger for a while
 NOMINAL = 33.0  # dB: signal to noise of 0 dBsm at 10 m, which gives a detection probability of a half at 35 m
-POWERS = (0.0, 65.0)  # dB, between which the density may set it
 BEST_AZIMUTH = (np.radians((0.0, 45.0, 60.0, 75.0)), np.radians((0.3, 1.0, 3.0, 5.0)))  # rad off boresight, rad of error
 ELEVATION = np.radians(6.0)  # off the horizontal, where one way of the antenna pattern has lost 3 dB
 TURNED_DOWN = 6.0  # m: for what is nearer, receivers turn down their gain
@@ -308,40 +306,3 @@ def rounded(range_: Floats, azimuth: Floats, step: float) -> tuple[Floats, Float
         return range_, azimuth
     x, y = np.round(range_ * np.cos(azimuth) / step) * step, np.round(range_ * np.sin(azimuth) / step) * step
     return np.hypot(x, y), np.arctan2(y, x)
-
-
-@dataclass(frozen=True, slots=True)
-class Station:
-    """One moment of one radar: all that a scan needs but the radar's sensitivity."""
-
-    corner: Corner
-    sensor: Sensor
-    traffic: Presence
-
-
-def sensitivity_for(surroundings: Surroundings, stations: Sequence[Station], episode: Episode) -> Sensitivity:
-    """The sensitivity that gives the episode's density on average over the stations, as far as there is enough to see.
-
-    A density below that of a usual radar is reached by arbitrary misses to the share that `thinning` says, and by less power for the rest.
-    """
-    usual = mean_count(surroundings, stations, episode, Sensitivity())
-    wanted = episode.density / max(usual, 1e-6)
-    kept = wanted**episode.thinning if wanted < 1 else 1.0
-    low, high = POWERS
-    for _ in range(7):  # to half a decibel
-        middle = (low + high) / 2
-        enough = mean_count(surroundings, stations, episode, Sensitivity(middle, kept)) > episode.density
-        low, high = (low, middle) if enough else (middle, high)
-    return Sensitivity((low + high) / 2, kept)
-
-
-def mean_count(surroundings: Surroundings, stations: Sequence[Station], episode: Episode, sensitivity: Sensitivity) -> float:
-    """Mean number of detections within NEAR at the stations, if no radar is blocked and all they detect is reported."""
-    uncapped = replace(episode, radar=replace(episode.radar, most=1 << 20))
-    total = 0
-    for number, station in enumerate(stations):
-        rng = np.random.default_rng((episode.seed, 7, number))
-        clear = replace(station.corner, blockage=0.0)
-        scan = sense(surroundings, station.traffic, station.sensor, clear, uncapped, sensitivity, rng)
-        total += int((scan.range < NEAR).sum())
-    return total / len(stations)
