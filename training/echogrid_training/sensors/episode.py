@@ -45,6 +45,7 @@ class RadarType:
     centroids: bool = False  # whether a detection lies at the centroid of its resolution cell: else where the strongest echo comes from
     position_step: float = 0.0  # m, to which x and y are rounded; 0: not
     fading: float = 4.0  # dB, slow, as the aspect changes
+    patchy: float = 0.0  # dB, one sigma by which whole things reflect more or less than their kind
     rcs_offset: float = -8.0  # dB between the true and the reported cross-section
     strongest_first: bool = False  # which detections are kept when there are more than the most: else the nearest
     most: int = 64  # detections in a scan
@@ -145,6 +146,7 @@ def sparse_sensors(seed: int, family: str) -> Episode:
         centroids=True,
         position_step=0.2 if rng.uniform() < 0.5 else 0.0,
         fading=float(rng.uniform(3.0, 7.0)),
+        patchy=float(rng.uniform(0.0, 9.0)),
     )
     bias = rng.uniform(-0.1, 0.4)  # m, of all radars of a kind
     corners = tuple(

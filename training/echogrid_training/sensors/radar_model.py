@@ -35,6 +35,9 @@ GHOST_SOURCES = 12.0  # how many more reflections are mirrored than are seen to 
 TWICE_FROM, TWICE_LOSS = 35.0, 22.0  # dB: reflections so strong that they come back again
 BEAM_AT_MOST = np.radians(12.7)  # rad: a single beam is compared with another one, which is as good as eight antennas
 
+# Wave numbers (rad/m) and phases of how well things reflect, wherever they stand.
+PATCHES = np.random.default_rng(0).normal(size=(8, 3)) * (1.0 / 2.5, 1.0 / 2.5, np.pi)
+
 ECHO = np.dtype([(name, float) for name in ("range", "azimuth", "range_rate", "snr", "path", "spread", "flutter", "deeper", "aside")])
 Echoes = NDArray[np.void]  # (N,) of ECHO: m, rad, m/s, dB, dB (SNR less cross-section), m, m/s; m and rad to the middle of its body
 
@@ -152,6 +155,8 @@ def echoes(rows: Scatterers, sensor: Sensor, radar: RadarType, power: float) -> 
     aspect -= 2 * np.pi * np.round(aspect / (2 * np.pi))
     fading = np.sin(rows["phase"] - rows["wave_x"] * dx[:, None] - rows["wave_y"] * dy[:, None]).sum(axis=1)
     rcs = rows["rcs"] + radar.fading * np.sqrt(2.0 / WAVES) * fading
+    if radar.patchy > 0.0:
+        rcs += radar.patchy * patchiness(rows["x"], rows["y"])
     rcs -= 3.0 * (aspect / rows["width"]) ** 2 + 6.0 * (np.arctan2(rows["height"], distance) / ELEVATION) ** 2
     out = np.empty(len(rows), dtype=ECHO)
     out["range"] = distance + rows["beyond"]
@@ -163,6 +168,13 @@ def echoes(rows: Scatterers, sensor: Sensor, radar: RadarType, power: float) -> 
     out["aside"] = (rows["into_y"] * dx - rows["into_x"] * dy) / distance**2
     heard = out["snr"] > FAINT
     return out[heard], rows[heard]
+
+
+def patchiness(x: Floats, y: Floats) -> Floats:
+    """(N,) of sigma 1 over the world: nearly the same within a car's width, and another one a few cars on."""
+    phase = np.outer(x, PATCHES[:, 0]) + np.outer(y, PATCHES[:, 1]) + PATCHES[:, 2]
+    field: Floats = np.sqrt(2.0 / len(PATCHES)) * np.sin(phase).sum(axis=1)
+    return field
 
 
 def received(
