@@ -138,7 +138,7 @@ def fit(
 
     `start`: weights to begin with instead of random ones (warm_start.py).
 
-    Raises EchogridError where `out` holds another run, or this one and `resume` is not asked for.
+    Raises EchogridError where `out` holds another run, or this one without `resume`.
     """
     data_sha256 = data_sha256 or learned.digest()
     with joined_ranks() as ranks:
