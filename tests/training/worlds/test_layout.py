@@ -80,8 +80,9 @@ def test_open_places_have_room_and_small_things_and_few_walls() -> None:
             near = shapely.buffer(shapely.linestrings(np.stack((town.ego.x, town.ego.y), axis=-1)), 15.0)
             roads = shapely.union_all([shapely.buffer(shapely.linestrings(road.line), road.width / 2) for road in town.roads])
             ground.append(shapely.area(shapely.intersection(roads, near)) / shapely.area(near))
-            bounding = [shape(t) for t in town.things if t.material in (Material.BUILDING, Material.WALL, Material.CAR, Material.FENCE)]
-            surface.append(shapely.length(shapely.intersection(shapely.boundary(shapely.union_all(bounding)), near)) / shapely.area(near))
+            bounding = (Material.BUILDING, Material.WALL, Material.CAR, Material.FENCE)
+            sides = np.concatenate([thing.segments() for thing in town.things if thing.material in bounding])
+            surface.append(sum(shapely.length(shapely.intersection(shapely.linestrings(sides), near))) / shapely.area(near))
             small += sum(t.material in (Material.CONE, Material.BARRIER, Material.BICYCLE, Material.PEDESTRIAN) for t in town.things)
             plates += sum(t.material is Material.PLATE for t in town.things)
         return float(np.mean(ground)), float(np.mean(surface)), small, plates
