@@ -7,6 +7,7 @@ import threading
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.support.frames import frame
+from tests.support.waiting import PATIENCE
 
 from echogrid.can.frame_queue import FrameQueue
 
@@ -71,6 +72,6 @@ def test_a_waiting_reader_is_woken() -> None:
     frames = queue(4)
     timer = threading.Timer(0.05, frames.put, ("can0", frame(0x300, b"", 0.0)))
     timer.start()
-    item = frames.get(timeout=10.0)
+    item = frames.get(timeout=PATIENCE)
     timer.join()
     assert item is not None

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from tests.support.program import echogrid
 from tests.support.stores import content, three_epochs
+from tests.support.waiting import PATIENCE
 
 from echogrid.maps.info import info
 from echogrid.maps.merge import Input, merge
@@ -42,5 +43,5 @@ def test_the_commands_from_a_terminal(stored: Path, tmp_path: Path) -> None:
 def test_without_the_extra_a_cluster_is_refused(stored: Path, tmp_path: Path) -> None:
     program = "import sys; sys.modules['distributed'] = None; from echogrid.cli import main; main()"
     command = [sys.executable, "-c", program, "map", "merge", tmp_path / "a.egmap", stored, "--scheduler", "tcp://127.0.0.1:9"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert (done.returncode, done.stderr) == (1, "echogrid: --scheduler: needs the extra 'cluster': pip install 'echogrid[cluster]'\n")

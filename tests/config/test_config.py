@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from tests.support.frames import CONFIG
+from tests.support.waiting import PATIENCE
 
 from echogrid.can.signals import SignalReader
 from echogrid.config.loading import load_config
@@ -122,7 +123,9 @@ def test_the_command_lines_model_stands_in_for_the_files(tmp_path: Path, monkeyp
 def test_the_command_line_says_it_without_a_traceback(tmp_path: Path, command: tuple[str, str]) -> None:
     path = tmp_path / "echogrid.toml"
     path.write_text(CONFIG.replace("yaw_deg", "yaw_dg"))
-    done = subprocess.run([sys.executable, "-m", "echogrid", *command, str(path)], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        [sys.executable, "-m", "echogrid", *command, str(path)], capture_output=True, text=True, timeout=PATIENCE, check=False
+    )
     assert done.returncode == 1
     assert done.stderr == f"echogrid: {path}: radar[0]: unknown key 'yaw_dg'; did you mean 'yaw_deg'?\n"
 

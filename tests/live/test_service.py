@@ -51,7 +51,7 @@ def test_nothing_in_the_service_imports_torch_or_the_training_package() -> None:
         "    if not module.name.endswith('__main__'): importlib.import_module(module.name)\n"
         "print(sorted(name for name in sys.modules if name.split('.')[0] in ('torch', 'echogrid_training')))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=PATIENCE)
     assert done.stdout.strip() == "[]"
 
 
@@ -62,7 +62,7 @@ def test_the_analytic_model_needs_no_onnxruntime(config: tuple[Path, int]) -> No
         "import sys; from pathlib import Path; from echogrid.live import service; from echogrid.config.loading import load_config\n"
         f"path = Path({str(path)!r}); service.Pipeline(load_config(path), path); print('onnxruntime' in sys.modules)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=PATIENCE)
     assert done.stdout.strip() == "False"
 
 
@@ -114,7 +114,7 @@ def test_a_bus_that_is_not_there_is_one_sentence(tmp_path: Path, config: tuple[P
     text = path.read_text().replace('interface = "virtual"', 'interface = "socketcan"').replace('channel = "can0"', 'channel = "can97"')
     path.write_text(text)
     command = [sys.executable, "-m", "echogrid", "run", "-c", str(path)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert done.returncode == 1
     lines = done.stderr.splitlines()
     assert lines[-1].startswith(f"echogrid: {path}: bus 'can0': socketcan channel 'can97' cannot be opened: ")

@@ -17,6 +17,7 @@ import pytest
 from onnx import TensorProto, helper
 from tests.support import networks
 from tests.support.networks import CLASSES, PLANES, around, held, logits, write
+from tests.support.waiting import PATIENCE
 
 from echogrid.core.evidence.history_raster import CHANNELS, HistoryRaster
 from echogrid.core.evidence.raster import GridSpec, rasterize
@@ -218,5 +219,5 @@ def test_onnxruntime_keeps_no_record_of_its_use(tmp_path: Path) -> None:
     """It would leave a device's id in the home folder and send it to its makers."""
     code = "from echogrid.model.choice import choose; import onnxruntime; onnxruntime.SessionOptions()"
     environment = {key: value for key, value in os.environ.items() if not key.startswith(("XDG_", "ORT_"))} | {"HOME": str(tmp_path)}
-    subprocess.run([sys.executable, "-c", code], env=environment, check=True, timeout=60)
+    subprocess.run([sys.executable, "-c", code], env=environment, check=True, timeout=PATIENCE)
     assert list(tmp_path.rglob("*")) == []

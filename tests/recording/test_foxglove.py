@@ -9,6 +9,7 @@ import sys
 import pytest
 from tests.support.foxglove_client import viewer
 from tests.support.mcap_files import decoder
+from tests.support.waiting import PATIENCE
 
 from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
@@ -56,5 +57,5 @@ def test_an_address_that_is_taken_is_one_sentence() -> None:
 
 def test_without_the_extra_the_sentence_names_it() -> None:
     code = "import sys; sys.modules['foxglove'] = None; from echogrid.recording.foxglove import Foxglove; Foxglove('127.0.0.1', 0, 'car')"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert done.stderr.splitlines()[-1].endswith("foxglove-sdk is not installed: pip install 'echogrid[foxglove]'")

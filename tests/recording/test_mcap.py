@@ -23,6 +23,7 @@ from mcap.records import Chunk
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from tests.support import mcap_files
 from tests.support.frames import FRAMES
+from tests.support.waiting import PATIENCE
 
 from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
@@ -150,7 +151,7 @@ def test_a_service_that_is_killed_leaves_all_but_the_last_moment(tmp_path: Path)
                 time.sleep(0.01)
         os.kill(os.getpid(), signal.SIGKILL)
     """
-    done = subprocess.run([sys.executable, "-c", textwrap.dedent(code)], timeout=60, check=False)
+    done = subprocess.run([sys.executable, "-c", textwrap.dedent(code)], timeout=PATIENCE, check=False)
     assert done.returncode == -signal.SIGKILL
     got: list[can.Message] = []
     with pytest.raises(EchogridError, match="it was not closed, its last part may be missing"):
@@ -180,7 +181,7 @@ def test_a_full_disk_ends_the_recording_and_says_so(tmp_path: Path) -> None:
         print(recorder.recording.state, recorder.recording.reason, recorder.recording.left_out)
     """
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", textwrap.dedent(code)], capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-W", "error", "-c", textwrap.dedent(code)], capture_output=True, text=True, timeout=PATIENCE, check=False
     )
     assert done.stdout.strip() == "failed File too large 0"
     assert done.stderr.strip() == f"{path}: the recording ends here: File too large; mapping continues"
@@ -328,7 +329,7 @@ def test_without_the_extra_the_sentence_names_it(tmp_path: Path, action: str) ->
             print(error)
     """
     done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(code)], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True
+        [sys.executable, "-c", textwrap.dedent(code)], cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE, check=True
     )
     assert done.stdout.count("\n") == 1
     assert "pip install 'echogrid[mcap]'" in done.stdout

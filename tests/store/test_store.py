@@ -158,7 +158,7 @@ def test_a_service_refuses_another_file_before_it_opens_anything(config: tuple[P
     connection.execute("CREATE TABLE mine(a)")
     connection.close()
     command = [sys.executable, "-m", "echogrid", "run", "-c", str(path)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert done.returncode == 1
     assert done.stderr.splitlines() == [
         f"echogrid: {path}: {tmp_path / 'kept.egmap'}: is not a map of echogrid: application id 0x00000000 found, expected 0x65676D70; "

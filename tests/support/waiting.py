@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-PATIENCE = 60.0  # s: far beyond what anything here takes, and waited for in full only where it fails
+PATIENCE = 180.0  # s: far beyond what anything here takes, and waited for in full only where it fails
 AGAIN = 0.05  # s until what was sent is sent again
 
 T = TypeVar("T")

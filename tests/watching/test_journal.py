@@ -10,6 +10,7 @@ import sys
 from logging.handlers import SysLogHandler
 
 import pytest
+from tests.support.waiting import PATIENCE
 
 from echogrid.watching.journal import RepeatFilter
 
@@ -36,7 +37,7 @@ def stderr_of(*command: str, journal: bool) -> list[str]:
         # Where it is not, the variable is there all the same, as for a program whose service redirects it.
         stream = f"{there.st_dev}:{there.st_ino + (not journal)}"
         environment = {**os.environ, "JOURNAL_STREAM": stream}
-        subprocess.run([sys.executable, *command], stderr=theirs, env=environment, timeout=60, check=False)
+        subprocess.run([sys.executable, *command], stderr=theirs, env=environment, timeout=PATIENCE, check=False)
         theirs.close()
         with ours.makefile() as lines:
             return lines.read().splitlines()

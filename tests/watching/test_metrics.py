@@ -19,6 +19,7 @@ from prometheus_client.parser import text_string_to_metric_families as read_text
 from tests.support import world
 from tests.support.places import ROOT
 from tests.support.status import status
+from tests.support.waiting import PATIENCE
 
 from echogrid import __version__
 from echogrid.config.loading import load_config
@@ -37,7 +38,7 @@ def address(port: int) -> str:
 def scrape(address: str) -> str:
     """As Prometheus asks."""
     request = urllib.request.Request(f"http://{address}/metrics", headers={"Accept": "application/openmetrics-text; version=1.0.0"})
-    with urllib.request.urlopen(request, timeout=10) as response:
+    with urllib.request.urlopen(request, timeout=PATIENCE) as response:
         assert response.headers["Content-Type"].startswith("application/openmetrics-text")
         return response.read().decode()
 
@@ -156,7 +157,7 @@ def test_a_file_that_cannot_be_written_any_more_is_a_warning(tmp_path: Path, cap
 
 
 def run(code: str) -> str:
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=PATIENCE)
     return done.stdout.strip()
 
 

@@ -6,6 +6,7 @@ import socket
 from pathlib import Path
 
 import pytest
+from tests.support.waiting import PATIENCE
 
 from echogrid.watching.systemd import Notifier
 
@@ -15,7 +16,7 @@ def test_each_call_is_one_datagram(abstract: bool, tmp_path: Path, monkeypatch: 
     name = f"@echogrid-{tmp_path.name}" if abstract else str(tmp_path / "notify")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind("\0" + name[1:] if abstract else name)
-        manager.settimeout(5.0)
+        manager.settimeout(PATIENCE)
         monkeypatch.setenv("NOTIFY_SOCKET", name)
         notifier = Notifier()
         assert notifier.active

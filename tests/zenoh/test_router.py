@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 import zenoh
@@ -51,6 +54,33 @@ def test_after_the_router_comes_back_all_goes_on(endpoint: str) -> None:
         assert 150 not in dict(latest)
 
 
+SERVICE = """
+import sys
+from tests.zenoh.test_router import connected, key_frame
+with connected(sys.argv[1], "car") as publisher:
+    for line in sys.stdin:
+        number, value, epoch = line.split()
+        publisher.put(key_frame(int(number), float(value), int(epoch)))
+"""
+
+
+@contextmanager
+def service(endpoint: str) -> Iterator[Callable[[int, float, int], None]]:
+    """A process that publishes a key frame at each call; killed at the end."""
+    command = [sys.executable, "-c", SERVICE, endpoint]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, text=True) as process:
+
+        def publish(number: int, value: float, epoch: int) -> None:
+            assert process.stdin is not None
+            process.stdin.write(f"{number} {value} {epoch}\n")
+            process.stdin.flush()
+
+        try:
+            yield publish
+        finally:
+            process.kill()
+
+
 def test_a_service_that_comes_back_brings_another_map(endpoint: str) -> None:
     with router(endpoint), Client(endpoint) as client:
         maps: dict[MapName, Window] = {}
@@ -60,11 +90,11 @@ def test_a_service_that_comes_back_brings_another_map(endpoint: str) -> None:
             maps.update({} if window is None else {window.map: window})
             return len(maps) == count
 
-        with connected(endpoint, "car") as publisher:
-            until(lambda: seen(1), lambda: publisher.put(key_frame(7, 1.0)))
-        with connected(endpoint, "car") as publisher:
-            until(lambda: seen(2), lambda: publisher.put(key_frame(1, -1.0)))
-            until(lambda: seen(3), lambda: publisher.put(key_frame(2, 1.0, epoch=1)))
+        with service(endpoint) as publish:
+            until(lambda: seen(1), lambda: publish(7, 1.0, 0))
+        with service(endpoint) as publish:
+            until(lambda: seen(2), lambda: publish(1, -1.0, 0))
+            until(lambda: seen(3), lambda: publish(2, 1.0, 1))
     (first, _), (second, window), (third, _) = maps.items()
     assert first.epoch == second.epoch == 0
     assert (window.occupancy == 27).all()

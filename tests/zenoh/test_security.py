@@ -405,7 +405,7 @@ def test_the_five_minutes_of_the_document_work(tmp_path: Path, port: int) -> Non
     (publish,) = re.findall(r"```toml\n(.*?)```", document, re.DOTALL)
     made = tmp_path / "tls"
     made.mkdir()
-    subprocess.run(["sh", "-e", "-c", commands], cwd=made, check=True, capture_output=True, timeout=60)
+    subprocess.run(["sh", "-e", "-c", commands], cwd=made, check=True, capture_output=True, timeout=PATIENCE)
     start = (ROOT / "deploy" / "echogrid.toml").read_text()
     assert publish in re.sub("^# ?", "", start[start.index("# [publish]") :], flags=re.MULTILINE)
     path = tmp_path / "echogrid.toml"

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import torch
 from tests.support.rectangles import rectangles
+from tests.support.waiting import PATIENCE
 
 from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.map.look_map import Calibration
@@ -225,5 +226,5 @@ def test_the_command_splits_trains_judges_and_exports(network: str, tmp_path: Pa
 
 def test_the_arguments_need_no_torch() -> None:
     code = "import sys, echogrid_training.learning.fit; print('torch' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=PATIENCE)
     assert done.stdout.strip() == "False"

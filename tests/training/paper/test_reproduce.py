@@ -17,6 +17,7 @@ import pytest
 import torch
 from tests.support.tiny_drives import room_drive
 from tests.support.tiny_towns import track
+from tests.support.waiting import PATIENCE
 
 from echogrid.errors import EchogridError
 from echogrid_training.learning import train
@@ -151,5 +152,5 @@ def test_a_town_cannot_be_learned_from_and_tested_on(drives: Path, tmp_path: Pat
 
 def test_the_arguments_need_no_torch() -> None:
     code = "import sys, echogrid_training.paper.reproduce; print('torch' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=PATIENCE)
     assert done.stdout.strip() == "False"
