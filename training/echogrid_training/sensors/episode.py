@@ -146,7 +146,7 @@ def sparse_sensors(seed: int, family: str) -> Episode:
         centroids=True,
         position_step=0.2 if rng.uniform() < 0.5 else 0.0,
         fading=float(rng.uniform(3.0, 7.0)),
-        patchy=float(rng.uniform(0.0, 9.0)),
+        patchy=float(rng.uniform(2.0, 12.0)),
     )
     bias = rng.uniform(-0.1, 0.4)  # m, of all radars of a kind
     corners = tuple(

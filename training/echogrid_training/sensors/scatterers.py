@@ -125,8 +125,8 @@ def static_scatterers(things: Sequence[Thing], rng: np.random.Generator) -> Scat
 
 
 LOOSE = {  # dBsm on average, and reflections, of small things without a shape worth telling
-    Material.CONE: (-26.0, 1),
-    Material.BARRIER: (-15.0, 4),
+    Material.CONE: (-30.0, 1),
+    Material.BARRIER: (-19.0, 4),
     Material.BICYCLE: (-12.0, 3),
     Material.PLATE: (-17.0, 1),
 }
