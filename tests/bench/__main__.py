@@ -162,14 +162,14 @@ def models() -> dict[str, float]:
         said = infer(around)
         times.setdefault(ANALYTIC, []).append((time.perf_counter() - start) * 1e6)
         seen.append((around, said))
-        return np.stack((said, said, said))
+        return np.stack((said, said))
 
     def compare(around: Surroundings, said: Image, pose: SE2) -> None:
         works = {
             "rasterise the last 15 m": partial(raster, around),
             **{f"network {model.path.stem}": partial(model.answer, model.draw(around)) for model in networks},
             "integrate, sum": partial(total.integrate, said, pose, view),
-            "integrate, looks": partial(looks.integrate, np.stack((said, said, said)), pose, view),
+            "integrate, looks": partial(looks.integrate, np.stack((said, said)), pose, view),
             "window to publish, sum": partial(total.around, pose, config.publish.window_cells),
             "window to publish, looks": partial(looks.around, pose, config.publish.window_cells),
         }

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 Numbers = NDArray[np.float32]
 
 LEARNED, PRIOR, SUREST = 0.43, 3.0, 1.5  # share of the network's log-odds that counts; the most it says of free, and of occupied
-HIT, NEAR = 24.0, 1.6  # passes that a look with a reflection in the very cell outweighs, and one with a reflection beside it
+HIT, NEAR = 30.0, 1.6  # passes that a look with a reflection in the very cell outweighs, and one with a reflection beside it
 PASS = 0.62  # looks that a passed one is worth: a beam is wider than the cell
 NONE = 1.2  # looks whose evidence is not heard yet
 DOUBT, SLOPE = -1.48, 0.18  # what reflections beside a cell alone lift it to; from there on they count by SLOPE
