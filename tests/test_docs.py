@@ -14,6 +14,7 @@ from echogrid.can.signals import SignalReader
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
 from echogrid.core.health import Health
+from echogrid.judging.finding import CODES
 from tests.support.places import ROOT
 
 
@@ -31,6 +32,11 @@ def keys(kind: object) -> set[str]:
 def test_every_key_is_explained(document: str, kind: type) -> None:
     text = (ROOT / document).read_text()
     assert {key for key in keys(kind) if not re.search(rf"\b{key}\b", text)} == set()
+
+
+def test_every_code_of_a_check_is_explained() -> None:
+    rows = re.findall(r"(?m)^\| (`.*?) \|", (ROOT / "docs" / "checking.md").read_text())
+    assert {code for row in rows for code in re.findall(r"`(\w+)`", row)} >= set(CODES)
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "dbc").glob("*.dbc")), ids=lambda path: path.name)

@@ -76,7 +76,11 @@ def _parser() -> argparse.ArgumentParser:
     status.add_argument("--json", action="store_true", help="print it as published, one line each")
     status.set_defaults(command=_status)
 
-    replay = commands.add_parser("replay", help="a recording through the same chain, into files")
+    replay = commands.add_parser(
+        "replay",
+        help="a recording through the same chain, into files",
+        epilog="Exits with 0, with 3 where the map is empty or not to be trusted, 1 where a file cannot be read.",
+    )
     replay.add_argument(
         "drive",
         type=Path,
@@ -95,9 +99,16 @@ def _parser() -> argparse.ArgumentParser:
     replay.add_argument("--store", type=Path, metavar="FILE.egmap", help="also write the map's tiles into this file, as a new epoch")
     replay.set_defaults(command=_replay)
 
-    check = commands.add_parser("check", help="check a configuration, and what a recording holds for it")
+    check = commands.add_parser(
+        "check",
+        help="a configuration, and what a recording says is wrong with it",
+        epilog="Exits with 0 where nothing wrong was found, 2 where something was, 1 where a file cannot be read.",
+    )
     check.add_argument("log", type=Path, nargs="?", metavar="LOG")
     check.add_argument("-c", "--config", type=Path, required=True)
+    check.add_argument("--json", action="store_true", help="the report as one JSON object")
+    check.add_argument("--fix-out", type=Path, metavar="FILE.toml", help="the mended configuration, with its profiles beside it")
+    check.add_argument("--report", type=Path, metavar="FILE.html", help="one page with plots")
     check.set_defaults(command=_check)
 
     _map_parsers(commands.add_parser("map", help="stored maps: look, convert, merge").add_subparsers(required=True, metavar="COMMAND"))
@@ -176,7 +187,7 @@ def _status(arguments: argparse.Namespace) -> None:
 def _replay(arguments: argparse.Namespace) -> None:
     from echogrid.commands.replay import command
 
-    command(
+    if not command(
         arguments.drive,
         arguments.config,
         arguments.out,
@@ -184,13 +195,15 @@ def _replay(arguments: argparse.Namespace) -> None:
         model=arguments.model,
         record=arguments.record,
         store=arguments.store,
-    )
+    ):
+        sys.exit(3)
 
 
 def _check(arguments: argparse.Namespace) -> None:
     from echogrid.commands.check import command
 
-    command(arguments.config, arguments.log)
+    if not command(arguments.config, arguments.log, as_json=arguments.json, fix_out=arguments.fix_out, page=arguments.report):
+        sys.exit(2)
 
 
 def _demo(arguments: argparse.Namespace) -> None:

@@ -69,3 +69,14 @@ def test_after_a_long_silence_a_sender_may_begin_anywhere() -> None:
     cadence.add(200, (at + 2000) * MS)
     cadence.add(201, (at + 2050) * MS)
     assert abs(cadence.lag) < JUMP / 10
+
+
+@given(st.sampled_from([(4, 10), (8, 50)]), st.sets(st.integers(0, 4), min_size=1, max_size=2), st.integers(1, 2))
+def test_cycles_that_are_left_out_among_the_first_are_no_lag(kind: tuple[int, int], where: set[int], left_out: int) -> None:
+    """The sender leaves them out without counting them: the period is that of most steps."""
+    bits, period = kind
+    cadence, at = Cadence(bits), 0
+    for n in range(60):
+        at += period * (1 + left_out if n - 1 in where else 1)
+        cadence.add(n % (1 << bits), at * MS)
+        assert abs(cadence.lag) < 0.03

@@ -23,6 +23,7 @@ from echogrid.can.dbc import Dbc
 from echogrid.can.decode import BatchDecoder, stack
 from echogrid.can.motion import MotionReader
 from echogrid.can.profile import load_motion
+from echogrid.config.tables import Motion
 from echogrid.core.health import Health
 from echogrid.errors import EchogridError
 
@@ -359,7 +360,9 @@ def test_a_database_in_another_format_serves_a_profile(tmp_path: Path) -> None:
     for kind, text in (("kcd", by_cantools.as_kcd_string()), ("sym", by_cantools.as_sym_string())):
         path = tmp_path / f"motion.{kind}"
         path.write_text(text)
-        reader = MotionReader(load_motion(DBC / "vehicle_motion.toml"), Dbc(path, DBC / "vehicle_motion.toml"), None, Health())
+        reader = MotionReader(
+            load_motion(DBC / "vehicle_motion.toml"), Dbc(path, DBC / "vehicle_motion.toml"), Motion(bus="can0"), Health()
+        )
         assert reader.ids == {(0x100, False), (0x102, False)}
 
 
@@ -367,4 +370,4 @@ def test_a_database_that_lacks_what_is_needed_says_what(tmp_path: Path) -> None:
     path = tmp_path / "some.kcd"
     path.write_text(KCD)
     with pytest.raises(EchogridError, match=r"wheel_speeds.message: .*some.kcd has no message 'WheelSpeedsRear'"):
-        MotionReader(load_motion(DBC / "vehicle_motion.toml"), Dbc(path, DBC / "vehicle_motion.toml"), None, Health())
+        MotionReader(load_motion(DBC / "vehicle_motion.toml"), Dbc(path, DBC / "vehicle_motion.toml"), Motion(bus="can0"), Health())

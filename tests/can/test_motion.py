@@ -14,6 +14,7 @@ from tests.support.frames import frame, wheel_speeds, yaw_rate
 from echogrid.can.dbc import Dbc
 from echogrid.can.motion import MotionReader
 from echogrid.can.profile import find, load_motion
+from echogrid.config.tables import Motion
 from echogrid.core.health import Health
 from echogrid.core.messages import Speed, YawRate
 from echogrid.errors import EchogridError
@@ -23,7 +24,7 @@ def reader(profile: str, dbc: Path | None = None, radius: float | None = None) -
     path = find(profile, Path())
     loaded = load_motion(path)
     health = Health()
-    return MotionReader(loaded, Dbc(dbc or path.parent / str(loaded.dbc), path), radius, health), health
+    return MotionReader(loaded, Dbc(dbc or path.parent / str(loaded.dbc), path), Motion(bus="can0", wheel_radius=radius), health), health
 
 
 def test_speed_and_yaw_rate_with_their_signs() -> None:
@@ -90,8 +91,8 @@ def test_turn_rates_of_wheels_need_the_tyres_radius_and_sentinels_are_no_speeds(
     path.write_text(FORD)
     dbc = Dbc(vendor_dbc("ford_lincoln_base_pt"), path)
     with pytest.raises(EchogridError, match="wheel_radius is missing"):
-        MotionReader(load_motion(path), dbc, None, Health())
-    motion = MotionReader(load_motion(path), dbc, 0.33, Health())
+        MotionReader(load_motion(path), dbc, Motion(bus="can0"), Health())
+    motion = MotionReader(load_motion(path), dbc, Motion(bus="can0", wheel_radius=0.33), Health())
     message = cantools.database.load_file(dbc.path, strict=False).get_message_by_name("WheelSpeed")
     rates = {signal.name: 0 for signal in message.signals} | {"WhlRl_W_Meas": 20.0, "WhlRr_W_Meas": 22.0}
     (speed,) = motion.add(frame(message.frame_id, message.encode(rates, strict=False), 1.0), 1)
@@ -120,7 +121,7 @@ counter = "COUNTER"
 def test_a_sign_bit_in_a_signal_of_its_own(tmp_path: Path, vendor_dbc: Callable[[str], Path]) -> None:
     path = tmp_path / "vw.toml"
     path.write_text(VW)
-    motion = MotionReader(load_motion(path), Dbc(vendor_dbc("vw_mqb"), path), None, Health())
+    motion = MotionReader(load_motion(path), Dbc(vendor_dbc("vw_mqb"), path), Motion(bus="can0"), Health())
     message = motion_message = cantools.database.load_file(vendor_dbc("vw_mqb"), strict=False).get_message_by_name("ESP_02")
     for counter, (bit, expected) in enumerate(((0, 12.5), (1, -12.5))):
         values = {signal.name: 0 for signal in message.signals} | {"ESP_Gierrate": 12.5, "ESP_VZ_Gierrate": bit, "COUNTER": counter}
@@ -140,7 +141,7 @@ def test_no_number_is_no_motion(tmp_path: Path) -> None:
         'rear_right = { signal = "Q", unit = "m/s" }\n'
         '[yaw_rate]\nmessage = "Y"\nyaw_rate = { signal = "Rate", unit = "rad/s" }\n'
     )
-    motion = MotionReader(load_motion(path), Dbc(tmp_path / "float.dbc", path), None, Health())
+    motion = MotionReader(load_motion(path), Dbc(tmp_path / "float.dbc", path), Motion(bus="can0"), Health())
     assert motion.add(frame(1, np.array((2.0, 4.0), dtype="<f4").tobytes(), 1.0), 1) == [Speed(1, 3.0)]
     for identifier, values in ((1, (2.0, math.nan)), (2, (math.nan,))):
         with pytest.raises(ValueError, match="invalid"):

@@ -49,15 +49,16 @@ def retimed(message: can.Message, time: float, channel: str = "can0") -> can.Mes
 
 
 def checked(folder: Path, name: str, data: bytes, capsys: pytest.CaptureFixture[str], config: str = world.CONFIG) -> tuple[str, str]:
-    """What check prints, and what it says at last where its exit status is 1."""
-    path, said = folder / name, ""
+    """What check prints, and what is wrong: what it says at last where its exit status is 1, or what it printed where that is 2."""
+    path, said, sound = folder / name, "", True
     path.write_bytes(data)
     (folder / "echogrid.toml").write_text(config)
     try:
-        check.command(folder / "echogrid.toml", path)
+        sound = check.command(folder / "echogrid.toml", path)
     except EchogridError as error:
         said = str(error)
-    return capsys.readouterr().out, said
+    printed = capsys.readouterr().out
+    return printed, said or ("" if sound else printed)
 
 
 def replayed(folder: Path, name: str, data: bytes, store: Path | None = None) -> str:
@@ -95,7 +96,7 @@ def test_every_format_says_the_same_of_a_drive(
     assert said == ""
     assert count(printed) == len(messages)
     assert "in 3.0 s, 0 of other ids, 0 bad, 0 missing" in printed
-    assert printed.endswith("nothing is missing\n")
+    assert printed.endswith("nothing wrong was found\n")
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -110,18 +111,20 @@ def test_can0_1_and_the_number_of_the_file_mean_the_same_bus(
     for config in (TWO_BUSES, numbered) if not name.endswith((".log", ".pcapng")) else (TWO_BUSES,):
         assert checked(tmp_path, name, data, capsys, config)[1] == ""
     swapped = TWO_BUSES.replace('"can1"', '"x"').replace('channel = "can0"', 'channel = "can1"').replace('"x"', '"can0"')
-    assert "no speed was decoded" in checked(tmp_path, name, data, capsys, swapped)[1]
+    assert "[wrong_bus] motion: its frames are on bus " in checked(tmp_path, name, data, capsys, swapped)[1]
 
 
 def test_another_channel_is_named(tmp_path: Path, messages: list[can.Message], capsys: pytest.CaptureFixture[str]) -> None:
     other = [retimed(message, message.timestamp, "vcan0") for message in messages]
     data = recorded.joined(recorded.candump(other))
     sentence = "frames with ids that are read are of channel 'vcan0', expected 'can0': give log_channel = \"vcan0\" to the bus 'can0'"
-    assert sentence in checked(tmp_path, "a.log", data, capsys)[1]
+    found = checked(tmp_path, "a.log", data, capsys)[1]
+    assert "[wrong_channel] bus 'can0': " in found
+    assert 'mend: [[bus]] can0: log_channel = "vcan0"' in found
     assert replayed(tmp_path, "a.log", data).endswith(f"knows: {sentence}")
     third = [retimed(message, message.timestamp, "can2") for message in messages]
     said = checked(tmp_path, "a.trc", recorded.joined(recorded.trc(third)), capsys)[1]
-    assert "of channel 3, expected 'can0': give log_channel = 3 to the bus 'can0'" in said
+    assert "mend: [[bus]] can0: log_channel = 3" in said
     assert not (tmp_path / "out").exists()
 
 

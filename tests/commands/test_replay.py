@@ -183,14 +183,38 @@ def test_an_output_that_cannot_be_written_is_said(drive: Path, tmp_path: Path) -
     assert done.stderr == f"echogrid: {tmp_path / 'file'}: File exists\n"
 
 
-def test_a_truth_file_that_is_none_is_said_before_the_work(drive: Path, tmp_path: Path) -> None:
+def test_another_programs_truth_file_is_said_and_stops_nothing(drive: Path, tmp_path: Path) -> None:
     folder = tmp_path / "drive"
     folder.mkdir()
     for name in ("echogrid.toml", "can.log"):
         (folder / name).write_bytes((drive / name).read_bytes())
     np.savez(folder / "truth.npz", stamp_ns=np.arange(3))
-    with pytest.raises(EchogridError, match=r"truth.npz: is not a truth file with the arrays stamp_ns, x, y and yaw"):
-        replay(find_drive(folder, None), tmp_path / "out")
+    said: list[str] = []
+    summary = replay(find_drive(folder, None), tmp_path / "out", say=said.append)
+    assert said[0].startswith(f"not used: {folder / 'truth.npz'}: is not a truth file with the arrays stamp_ns, x, y and yaw")
+    assert "trajectory_rmse_m" not in summary
+    assert summary["map_sha256"] == replay(find_drive(drive, None), tmp_path / "without")["map_sha256"]
+
+
+def test_changes_of_state_are_said_and_counted(drive: Path, tmp_path: Path) -> None:
+    """A radar that is silent for a second in the middle, and ego motion that is lost at the end: no map to be trusted."""
+    with can.Logger(tmp_path / "faults.log") as logger:
+        for message in can.LogReader(drive / "can.log"):
+            radar_away = 101.5 < message.timestamp < 102.5 and 0x320 <= message.arbitration_id < 0x330
+            if not radar_away and not (message.timestamp > 103.2 and message.arbitration_id == 0x102):
+                logger.on_message_received(message)
+    done = echogrid("replay", tmp_path / "faults.log", "-c", drive / "echogrid.toml", "--out", tmp_path / "out")
+    assert (done.returncode, done.stderr) == (3, "")
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    changes = [(change["state"], change["reason"]) for change in summary["changes"]]
+    assert [state for state, _ in changes] == ["ok", "degraded", "ok", "no_motion"]
+    assert changes[1][1].startswith("radar rear_left: silent for 0.5")
+    assert "degraded: radar rear_left: silent" in done.stdout
+    assert "the map is not to be trusted: it ends no_motion: yaw rate: silent for" in done.stdout
+    assert summary["worst_state"] == "no_motion"
+    assert sum(summary["seconds"].values()) == pytest.approx(summary["drive_s"], abs=0.02)
+    assert summary["seconds"]["degraded"] == pytest.approx(0.55, abs=0.2)
+    assert summary["maps_begun"] == []
 
 
 def test_check_praises_a_whole_log_and_blames_a_holey_one(drive: Path, tmp_path: Path) -> None:
@@ -205,6 +229,6 @@ def test_check_praises_a_whole_log_and_blames_a_holey_one(drive: Path, tmp_path:
             if not 0x320 <= message.arbitration_id < 0x330:
                 logger.on_message_received(message)
     done = echogrid("check", "-c", drive / "echogrid.toml", tmp_path / "holes.log")
-    assert done.returncode == 1
-    assert "radar 'front_right' lost" in done.stderr
-    assert "radar 'rear_left' has no complete scan" in done.stderr
+    assert (done.returncode, done.stderr) == (2, "")
+    assert "[lost_frames] radar front_right: " in done.stdout
+    assert "[radar_missing] radar rear_left: none of its frames (0x320, 0x321) is in the recording" in done.stdout

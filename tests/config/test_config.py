@@ -70,6 +70,16 @@ def test_the_smallest_configuration_drives(tmp_path: Path) -> None:
         (('[motion]\nbus = "can0"', '[motion]\nbus = "can7"'), "motion.bus: no [[bus]] is named 'can7', found can0"),
         (('vehicle = "test"', 'vehicle = "my/car"'), "vehicle: Expected `str` matching regex"),
         (("yaw_deg = 45.0", "yaw_deg = 45.0\nfov_deg = 700"), "radar[0].fov_deg: Expected `float` <= 360"),
+        (("yaw_deg = 45.0", "yaw_deg = 45.0\nfov_deg = 2.1"), "radar[0].fov_deg: Expected `float` >= 5"),
+        (("yaw_deg = 45.0", "yaw_deg = 450"), "radar[0].yaw_deg: Expected `float` <= 360"),
+        (
+            ('interface = "virtual"', 'interface = "socketkan"'),
+            "bus[0].interface: 'socketkan' found, expected one that python-can knows, such as socketcan; did you mean 'socketcan'?",
+        ),
+        (
+            ('vehicle = "test"', "publish.rate_hz = 25"),
+            "publish.rate_hz: 25 found, expected at most 20: the map is updated every map.cycle_ms = 50",
+        ),
         (
             ("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "corner"'),
             "radar[0]: no profile 'corner' is shipped, expected one of ars408, corner_radar",

@@ -22,6 +22,7 @@ from echogrid.can.radar import RadarReader
 from echogrid.can.signals import SignalReader, bus_of
 from echogrid.client import _json
 from echogrid.config.loading import load_config
+from echogrid.config.tables import Motion
 from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.health import Health, SensorHealth
 from echogrid.errors import EchogridError
@@ -132,7 +133,7 @@ def dbc(data: bytes) -> None:
             _hear(RadarReader("radar", load_radar(profile), Dbc(path, profile), 0, SensorHealth()))
     profile = FOLDER / "vehicle_motion.toml"
     with suppress(EchogridError):
-        _hear(MotionReader(load_motion(profile), Dbc(path, profile), None, Health()))
+        _hear(MotionReader(load_motion(profile), Dbc(path, profile), Motion(bus="can0"), Health()))
 
 
 def profile(data: bytes) -> None:
@@ -142,7 +143,7 @@ def profile(data: bytes) -> None:
         with suppress(EchogridError):
             _hear(RadarReader("radar", load_radar(path), _dbc(name, path), 0, SensorHealth()))
     with suppress(EchogridError):
-        _hear(MotionReader(load_motion(path), _dbc("vehicle_motion", path), None, Health()))
+        _hear(MotionReader(load_motion(path), _dbc("vehicle_motion", path), Motion(bus="can0"), Health()))
 
 
 def _dbc(name: str, path: Path) -> Dbc:

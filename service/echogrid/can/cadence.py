@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from statistics import median
+
 NS = 1e-9
+FIRST = 5  # steps whose median the period begins with: a cycle that is missing among them does not count
 JUMP = 0.2  # s: less is a frame that waited
 UNCOUNTED = 3  # periods that a sender may leave out without counting them
 LONGEST = 1.0  # s: after a longer silence, or jump, the sender has restarted
@@ -22,6 +25,7 @@ class Cadence:
         self.size = 1 << bits  # numbers that the counter has
         self.lag = 0.0
         self.missing = 0
+        self._first: list[float] = []  # s, the first steps
         self._period = 0.0  # s; 0 before it is known
         self._steps = 1.0
         self._last: tuple[int, int] | None = None  # number, ns
@@ -37,7 +41,8 @@ class Cadence:
             self.lag = 0.0
             return
         if self._period == 0.0:
-            self._period = elapsed / counted
+            self._first += [elapsed / counted] if elapsed > 0 else []
+            self._period = median(self._first) if len(self._first) == FIRST else 0.0
             return
         rounds, off = divmod(round(elapsed / self._period) - counted + 1, self.size)
         if off <= 2:  # the counter went round while frames were lost, or back where two came in the wrong order

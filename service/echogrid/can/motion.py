@@ -13,6 +13,7 @@ from echogrid.can.dbc import Checksum, Dbc
 from echogrid.can.decode import SignalLayout
 from echogrid.can.profile import FrameCrc, MotionProfile
 from echogrid.can.quantity import QuantityReader
+from echogrid.config.tables import Motion
 from echogrid.core.health import Health
 from echogrid.core.messages import EgoMotion, Speed, YawRate
 from echogrid.errors import EchogridError
@@ -23,16 +24,20 @@ FrameId = tuple[int, bool]
 class MotionReader:
     """Remembers the message counters and the last known direction of travel."""
 
-    def __init__(self, profile: MotionProfile, dbc: Dbc, wheel_radius: float | None, health: Health) -> None:
-        """`wheel_radius` (m) turns turn rates into speeds. Raises EchogridError where the profile names what the DBC does not have,
-        or the radius is missing or not needed."""
+    def __init__(self, profile: MotionProfile, dbc: Dbc, config: Motion, health: Health) -> None:
+        """Raises EchogridError where the profile names what the DBC does not have, or `wheel_radius`, which turns turn rates into speeds,
+        is missing or not needed."""
+        wheel_radius = config.wheel_radius
         if profile.wheel_speeds.are_turn_rates and wheel_radius is None:
             raise EchogridError(f"motion.wheel_radius is missing: {dbc.profile} reports turn rates of the wheels")
         if wheel_radius is not None and not profile.wheel_speeds.are_turn_rates:
             raise EchogridError(f"motion.wheel_radius is given, but {dbc.profile} reports speeds, not turn rates")
         self.profile = profile
         self.health = health
-        self.metres_per_unit = wheel_radius if profile.wheel_speeds.are_turn_rates and wheel_radius else 1.0
+        self.metres_per_unit = config.wheel_scale * (wheel_radius if profile.wheel_speeds.are_turn_rates and wheel_radius else 1.0)
+        self.yaw_rate_bias = math.radians(config.yaw_rate_bias_deg_s)
+        self.wheel_latency_ns = round((profile.wheel_speeds.latency_ms + config.latency_ms) * 1e6)
+        self.yaw_latency_ns = round((profile.yaw_rate.latency_ms + config.latency_ms) * 1e6)
         wheels, yaw = profile.wheel_speeds, profile.yaw_rate
         wheel_message = dbc.message(wheels.message, "wheel_speeds.message")
         yaw_message = dbc.message(yaw.message, "yaw_rate.message")
@@ -71,11 +76,10 @@ class MotionReader:
         if frame_id == self.wheel_id:
             rear = self.wheels.read([payload])
             speed = (float(rear["rear_left"][0]) + float(rear["rear_right"][0])) / 2 * self.metres_per_unit
-            stamp_ns = received_ns - round(self.profile.wheel_speeds.latency_ms * 1e6)
-            motion.append(Speed(stamp_ns, -speed if reverse else speed))
+            motion.append(Speed(received_ns - self.wheel_latency_ns, -speed if reverse else speed))
         if frame_id == self.yaw_id:
-            yaw_rate = float(self.yaw_rate.read([payload])["yaw_rate"][0])
-            motion.append(YawRate(received_ns - round(self.profile.yaw_rate.latency_ms * 1e6), yaw_rate))
+            yaw_rate = float(self.yaw_rate.read([payload])["yaw_rate"][0]) - self.yaw_rate_bias
+            motion.append(YawRate(received_ns - self.yaw_latency_ns, yaw_rate))
         if any(math.isnan(m.speed if isinstance(m, Speed) else m.yaw_rate) for m in motion):
             raise ValueError("invalid value")
         check = self.checks[frame_id]

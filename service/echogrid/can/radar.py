@@ -34,9 +34,10 @@ class FrameRole:
 class RadarReader:
     """Remembers the half-assembled cycle of one radar and the number of the last."""
 
-    def __init__(self, sensor: str, profile: RadarProfile, dbc: Dbc, id_offset: int, health: SensorHealth) -> None:
-        """Raises EchogridError where the profile names what the DBC does not have."""
+    def __init__(self, sensor: str, profile: RadarProfile, dbc: Dbc, id_offset: int, health: SensorHealth, latency_ms: float = 0.0) -> None:
+        """`latency_ms` is added to the profile's. Raises EchogridError where the profile names what the DBC does not have."""
         self.sensor = sensor
+        self.latency = (profile.latency_ms + latency_ms) * 1e-3  # s
         self.profile = profile
         self.health = health
         self.layout = _Layout(profile, dbc)
@@ -95,7 +96,7 @@ class RadarReader:
             self.health.bad_crc += 1
             return None
         header = cycle.header
-        age = self._age(cycle) + self.profile.latency_ms * 1e-3
+        age = self._age(cycle) + self.latency
         ambiguity, blockage = self.profile.ambiguity_interval, 0.0
         if header is not None and self.layout.header_values is not None:
             values = self.layout.header_values.read([header.payload])

@@ -68,14 +68,14 @@ class SignalReader:
             path = find(config.motion.profile, source.parent)
             motion = load_motion(path)
             dbc = Dbc(_dbc_path(motion, config.motion.dbc, path, source), path)
-            self._register(config.motion.bus, MotionReader(motion, dbc, config.motion.wheel_radius, health), "motion")
+            self._register(config.motion.bus, MotionReader(motion, dbc, config.motion, health), "motion")
         for index, radar in enumerate(config.radar):
             with _named(source, f"radar[{index}]"):
                 path = find(radar.profile, source.parent)
                 profile = load_radar(path)
                 dbc = Dbc(_dbc_path(profile, radar.dbc, path, source), path)
                 sensor = health.sensors.setdefault(radar.name, SensorHealth())
-                self._register(radar.bus, RadarReader(radar.name, profile, dbc, radar.id_offset, sensor), radar.name)
+                self._register(radar.bus, RadarReader(radar.name, profile, dbc, radar.id_offset, sensor, radar.latency_ms), radar.name)
 
     def _register(self, bus: str, reader: RadarReader | MotionReader, name: str) -> None:
         for frame_id in sorted(reader.ids):

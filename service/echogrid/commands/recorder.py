@@ -13,6 +13,7 @@ from typing import Any
 import can
 import numpy as np
 
+from echogrid.commands.state_log import StateLog
 from echogrid.core.mapper import MapUpdate
 from echogrid.core.motion.odometry import EgoState
 from echogrid.logs.drive import Truth
@@ -20,6 +21,7 @@ from echogrid.maps.map_files import write_map
 from echogrid.pipeline import Pipeline
 
 TRAJECTORY_STEP_NS = 20_000_000
+FILES = ("map.npz", "map.pgm", "map.yaml", "map.png", "trajectory.csv")
 
 
 @dataclass(slots=True)
@@ -33,6 +35,7 @@ class Recorder:
     first_s: float | None = None
     last_s: float = 0.0
     started: float = field(default_factory=time.perf_counter)
+    states: StateLog = field(default_factory=StateLog)
 
     def add(self, bus: str, message: can.Message) -> MapUpdate | None:
         """Passes the message on and notes what it did."""
@@ -42,10 +45,14 @@ class Recorder:
             self.cycle_s.append(time.perf_counter() - before)
         self.first_s = message.timestamp if self.first_s is None else self.first_s
         self.last_s = max(self.last_s, message.timestamp)
+        now = self.last_s - self.first_s
         states = self.pipeline.mapper.odometry.states
         if self.pipeline.mapper.epoch != self.epoch:
             self.epoch = self.pipeline.mapper.epoch
             self.trajectory.clear()
+            self.states.new_map(now, self.pipeline.mapper.watch.why_empty or "")
+        if self.states.due(now):
+            self.states.look(now, self.pipeline.state(0))
         if states and (not self.trajectory or states[-1].stamp_ns - self.trajectory[-1].stamp_ns >= TRAJECTORY_STEP_NS):
             self.trajectory.append(states[-1])
         return update
@@ -55,7 +62,10 @@ class Recorder:
         self.pipeline.mapper.end_cycle()
         out.mkdir(parents=True, exist_ok=True)
         digest = write_map(out, self.pipeline.mapper.map, self.trajectory)
+        if self.first_s is not None:
+            self.states.look(self.last_s - self.first_s, self.pipeline.state(0))
         summary = self._summary(digest, truth) | {"faults": list(faults), "notes": list(notes)}
+        summary["files"] = sorted({*(name for name in FILES if (out / name).is_file()), "summary.json"})
         (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
         return summary
 
@@ -67,7 +77,13 @@ class Recorder:
             "model": self.pipeline.model.why,
             "state": state.name,
             "reasons": state.reasons,
+            "worst_state": self.states.worst,
+            "seconds": {name: round(seconds, 2) for name, seconds in self.states.seconds.items()},
+            "changes": self.states.changes,
+            "changes_left_out": self.states.left_out,
             "epoch": self.epoch,
+            "maps_begun": self.states.maps,
+            "not_to_be_trusted": self._distrust(),
             "drive_s": round(self.last_s - (self.first_s or 0.0), 3),
             "wall_s": round(time.perf_counter() - self.started, 3),
             "frames": health.frames,
@@ -91,6 +107,11 @@ class Recorder:
         if truth is not None and self.trajectory:
             summary["trajectory_rmse_m"] = round(rmse(self.trajectory, truth), 3)
         return summary
+
+    def _distrust(self) -> str | None:
+        """Why the map is not to be trusted; None where it is."""
+        _, _, log_odds = self.pipeline.mapper.map.whole()
+        return self.states.trusted() if log_odds.any() else "it is empty"
 
 
 def rmse(trajectory: list[EgoState], truth: Truth) -> float:
@@ -119,4 +140,9 @@ def report(summary: dict[str, Any], out: Path) -> None:
     print(f"{summary['wall_s']:.1f} s on this machine ({faster:.0f} times as fast), {summary['cycle_ms']['p50']:.1f} ms per update")
     if "trajectory_rmse_m" in summary:
         print(f"dead reckoning is {summary['trajectory_rmse_m']:.2f} m RMSE from the true positions")
-    print(f"map: {out / 'map.png'}, numbers: {out / 'summary.json'}")
+    states = [f"{name} {seconds:.1f} s" for name, seconds in summary["seconds"].items() if seconds]
+    print(f"states: {', '.join(states)}; {len(summary['maps_begun'])} new maps" if states else "states: none")
+    picture = f"map: {out / 'map.png'}" if "map.png" in summary["files"] else "map: none"
+    print(f"{picture}, numbers: {out / 'summary.json'}")
+    if summary["not_to_be_trusted"] is not None:
+        print(f"the map is not to be trusted: {summary['not_to_be_trusted']}")

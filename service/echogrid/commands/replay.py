@@ -11,11 +11,12 @@ from typing import Any
 
 from echogrid.can.signals import bus_of
 from echogrid.commands.recorder import Recorder, report
+from echogrid.commands.state_log import StateLog
 from echogrid.commands.terminal import progress
 from echogrid.commands.traffic import Traffic
 from echogrid.config.loading import load_config
 from echogrid.errors import EchogridError
-from echogrid.logs.drive import Drive, find_drive, load_truth
+from echogrid.logs.drive import Drive, Truth, find_drive, load_truth
 from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
 from echogrid.recording.replay_recording import ReplayRecording
@@ -24,16 +25,25 @@ from echogrid.store.tile_keeper import TileKeeper
 
 def command(
     path: Path, config: Path | None, out: Path, *, realtime: bool, model: str | None, record: Path | None, store: Path | None
-) -> None:
-    """A drive folder, or a log with its configuration: a progress bar, then the summary in words. The rest is as in `replay`."""
+) -> bool:
+    """A drive folder, or a log with its configuration: a progress bar, changes of state as they come, then the summary in words.
+
+    Returns whether the map is to be trusted. The rest is as in `replay`.
+    """
     drive = find_drive(path, config)
     with progress(f"replay {path.name}") as advance:
-        summary = replay(drive, out, realtime=realtime, model=model, record=record, store=store, on_progress=advance)
+        summary = replay(drive, out, realtime=realtime, model=model, record=record, store=store, on_progress=advance, say=say)
     report(summary, out)
     for note in summary["notes"]:
         print(f"note: {note}")
     if summary["faults"]:
         raise EchogridError(f"{drive.log}: {'; '.join(summary['faults'])}")
+    return summary["not_to_be_trusted"] is None
+
+
+def say(line: str) -> None:
+    """On the terminal, while a progress bar may stand there."""
+    print(line, flush=True)
 
 
 def replay(
@@ -45,8 +55,9 @@ def replay(
     record: Path | None = None,
     store: Path | None = None,
     on_progress: Callable[[float], None] | None = None,
+    say: Callable[[str], None] | None = None,
 ) -> dict[str, Any]:
-    """Runs a recording through the chain and writes its files into `out`; returns the summary.
+    """Runs a recording through the chain and writes its files into `out`; returns the summary. `say` is told of changes of the state.
 
     `record`: also write an MCAP file. `store`: also write the map's tiles into this file, which may already hold other maps.
 
@@ -56,9 +67,9 @@ def replay(
     """
     config = load_config(drive.config, model)
     pipeline = Pipeline(config, drive.config)
-    truth = load_truth(drive.truth)
+    truth = _truth(drive, say)
     log = Log(drive.log)
-    recorder = Recorder(pipeline)
+    recorder = Recorder(pipeline, states=StateLog(say))
     torn: EchogridError | None = None
     traffic = Traffic(config, pipeline.signals)
     with ExitStack() as opened:
@@ -113,6 +124,16 @@ def _wait(timestamp: float, recorder: Recorder) -> None:
         ahead = (timestamp - recorder.first_s) - (time.perf_counter() - recorder.started)
         if ahead > 0:
             time.sleep(ahead)
+
+
+def _truth(drive: Drive, say: Callable[[str], None] | None) -> Truth | None:
+    """The true poses; None, and a word, where the file is another program's."""
+    try:
+        return load_truth(drive.truth)
+    except EchogridError as error:
+        if say is not None:
+            say(f"not used: {error}")
+        return None
 
 
 def _nothing_known(drive: Drive, pipeline: Pipeline, traffic: Traffic) -> str:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import difflib
 import ipaddress
 from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
+from can.interfaces import VALID_INTERFACES
 
 from echogrid.config.tables import NAMED, Config, Publish
 from echogrid.config.toml import load
@@ -52,6 +54,15 @@ def _problems(config: Config) -> Iterator[str]:
     if len(config.radar) > MOST_RADARS:
         yield f"radar: {len(config.radar)} are configured, expected at most {MOST_RADARS}: the map keeps a bit for each"
     known = ", ".join(buses)
+    for index, bus in enumerate(config.bus):
+        if bus.interface not in VALID_INTERFACES:
+            near = difflib.get_close_matches(bus.interface, VALID_INTERFACES, n=1)
+            guess = f"; did you mean '{near[0]}'?" if near else ""
+            yield f"bus[{index}].interface: '{bus.interface}' found, expected one that python-can knows, such as socketcan{guess}"
+    fastest = 1e3 / config.map.cycle_ms
+    if config.publish.rate_hz > fastest * (1 + 1e-9) and config.publish.rate_hz != Publish().rate_hz:  # the default asks for no more
+        rate, cycle = config.publish.rate_hz, config.map.cycle_ms
+        yield f"publish.rate_hz: {rate:g} found, expected at most {fastest:g}: the map is updated every map.cycle_ms = {cycle:g}"
     if config.motion.bus not in buses:
         yield f"motion.bus: no [[bus]] is named '{config.motion.bus}', found {known}"
     if config.model not in NAMED and not config.model.endswith(".onnx"):

@@ -18,6 +18,7 @@ from echogrid.core.radar.static_gate import GateNoise
 
 Positive = Annotated[float, Meta(ge=1e-6, le=1e6)]  # wide enough for whatever unit, and nothing overflows
 NotNegative = Annotated[float, Meta(ge=0, le=1e6)]
+Latency = Annotated[float, Meta(ge=-1000, le=1000)]
 Name = Annotated[str, Meta(pattern="^[A-Za-z0-9_-]+$")]  # goes into Zenoh keys
 NAMED = ("analytic", "default", "paper")  # models that are not a path
 NOISE, BEAM = GateNoise(), BeamModel()
@@ -58,6 +59,9 @@ class Motion(Table, frozen=True):
     profile: str = "vehicle_motion"
     dbc: str | None = None
     wheel_radius: Positive | None = None
+    wheel_scale: Annotated[float, Meta(ge=0.01, le=100)] = 1.0  # true speed = wheel_scale * the decoded one
+    yaw_rate_bias_deg_s: Annotated[float, Meta(ge=-10, le=10)] = 0.0  # what the sensor shows of no turn, taken off
+    latency_ms: Latency = 0.0  # of both, added to the profile's
 
 
 class Radar(Table, frozen=True):
@@ -67,12 +71,13 @@ class Radar(Table, frozen=True):
     bus: str
     x: float  # m
     y: float  # m
-    yaw_deg: float
+    yaw_deg: Annotated[float, Meta(ge=-360, le=360)]
     profile: str = "corner_radar"
     dbc: str | None = None
     id_offset: Annotated[int, Meta(ge=-0x1FFFFFFF, le=0x1FFFFFFF)] = 0  # added to every id of the DBC
-    fov_deg: Annotated[float, Meta(gt=0, le=360)] = 150.0  # the full angle
+    fov_deg: Annotated[float, Meta(ge=5, le=360)] = 150.0  # the full angle
     max_range: Positive = 25.0  # m
+    latency_ms: Latency = 0.0  # added to the profile's, or to the age that the sensor reports
 
     def mount(self) -> Mount:
         """`base_from_sensor` and the field of view."""

@@ -134,7 +134,8 @@ class MotionWatch:
 
         Returns whether the two differ too much now.
 
-        `disputed` is set when they differ so much on average, and ends when they no longer do.
+        `disputed` is set when they differ so much on average, and ends when they no longer do, or when both say that the car stands. It
+        tells the values of a time at which they differed.
         """
         if seen is None or seen.support < SUPPORT:
             return False
@@ -145,12 +146,16 @@ class MotionWatch:
         now = ((seen.speed - speed) / too_much[0], (seen.yaw_rate - yaw_rate) / too_much[1])
         if max(abs(new) for new in now) > MOST and seen.support < BETTER * support:  # two swapped radars can outvote two good ones
             return False
+        agrees = max(abs(new) for new in now) < AGREED
+        if agrees and abs(speed) <= STANDSTILL:
+            self._off, self.disputed = (0.0, 0.0), None
+            return False
         by_speed, by_turning = (old + (max(-MOST, min(new, MOST)) - old) * share for old, new in zip(self._off, now, strict=True))
         self._off = by_speed, by_turning
         moves = abs(speed) > MOVING
         by_speed, by_turning = abs(by_speed) / self.speed.patience(moves), abs(by_turning) / self.yaw_rate.patience(moves)
         worst, turning = max(by_speed, by_turning), by_turning > by_speed
-        if worst > 1.0:
+        if worst > 1.0 and not (agrees and self.disputed is not None):
             watch = self.yaw_rate if turning else self.speed
             says, measured = (yaw_rate, seen.yaw_rate) if turning else (speed, seen.speed)
             verb = "is stuck at" if watch.is_stuck else "says"

@@ -1,0 +1,144 @@
+"""All that a recording says through a configuration's decoder: frames by id, counters, scans and ego motion."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import can
+
+from echogrid.can.motion import MotionReader
+from echogrid.can.profile import MotionProfile, RadarProfile, find, load_motion, load_radar
+from echogrid.can.radar import RadarReader
+from echogrid.can.signals import SignalReader, bus_of
+from echogrid.config.tables import Config
+from echogrid.core.health import Health
+from echogrid.core.messages import EgoMotion, RadarScan
+from echogrid.core.radar.scan import FrameKind
+from echogrid.judging.finding import Finding
+from echogrid.judging.judge import LOST, Judgement, counted, judge
+from echogrid.judging.mending import Mender
+from echogrid.judging.recorded import Recorded, collect
+from echogrid.judging.traffic import FrameId, Moved, Owner, judge_traffic
+
+SHORT = 0.5  # share of an owner's frames that are shorter than the DBC says, from which on it is the DBC
+SILENCE = 0.5  # s without a sample or scan
+SPEED, YAW_RATE = "speed", "yaw rate"
+
+
+class Listener:
+    """Remembers what was heard. `add` every message of the recording, then ask."""
+
+    def __init__(self, config: Config, source: Path) -> None:
+        """`source`: the configuration's file. Raises EchogridError."""
+        self.config = config
+        self.health = Health()
+        self.reader = SignalReader(config, source, self.health)
+        self.heard: Counter[tuple[str, FrameId]] = Counter()
+        self.short: Counter[str] = Counter()  # frames that are too short, by owner
+        self.owned: Counter[str] = Counter()  # frames, by owner
+        self.motion: list[EgoMotion] = []
+        self.scans: list[RadarScan] = []
+        self.channels: dict[str, list[str]] = {bus.name: [] for bus in config.bus}
+        self._known: dict[object, str | None] = {}  # channels so far, and their buses
+        self.owners, self._lengths = _owners(config, self.reader)
+        self.mender = Mender(config, *_profiles(config, source), {}, self.channels)
+
+    def add(self, message: can.Message) -> str | None:
+        """A message of the recording; returns the bus that it belongs to, None where its channel is none of them."""
+        channel = message.channel
+        if channel not in self._known:
+            bus = self._known[channel] = bus_of(message, self.config.bus)
+            if bus is not None:
+                self.channels[bus].append(str(channel))
+        bus = self._known[channel]
+        frame_id = (message.arbitration_id, message.is_extended_id)
+        if bus is not None or channel not in (None, ""):
+            self.heard[str(channel), frame_id] += 1
+        owner = self._lengths.get((bus or "", frame_id))
+        if owner is not None:
+            self.owned[owner[0]] += 1
+            self.short[owner[0]] += len(message.data) < owner[1]
+        for item in self.reader.add(bus or "", message):
+            if isinstance(item, RadarScan):
+                self.scans.append(item)
+            else:
+                self.motion.append(item)
+        return bus
+
+    def recorded(self) -> Recorded:
+        """As arrays."""
+        return collect(self.motion, self.scans, {radar.name: radar.mount() for radar in self.config.radar})
+
+    def judged(self) -> tuple[Judgement, list[Finding], Mender]:
+        """What Doppler says; all findings, those of traffic and counters first; and who knows their fixes."""
+        recorded = self.recorded()
+        about_traffic, moved = judge_traffic(self.owners, self.heard, self.channels)
+        about_traffic += self._lengths_and_counters(recorded, {name for one in about_traffic for name in (*one.radars, one.subject)}, moved)
+        settings = {radar.name: f"{radar.profile} {radar.dbc}" for radar in self.config.radar}
+        judgement = judge(recorded, settings)
+        mender = Mender(self.config, self.mender.radars, self.mender.motion, moved, self.channels)
+        return judgement, [*about_traffic, *judgement.findings], mender
+
+    def _lengths_and_counters(self, recorded: Recorded, explained: set[str], moved: dict[str, Moved]) -> list[Finding]:
+        """What is not explained by frames that are not there."""
+        found = []
+        for owner in self.owners:
+            share = self.short[owner.name] / max(self.owned[owner.name], 1)
+            if share > SHORT:
+                sentence = f"{owner.name}: {share:.0%} of its frames are shorter than the DBC says: another version"
+                radars, subject = ((owner.name,), "") if owner.radar else ((), owner.name)
+                found.append(Finding("wrong_length", sentence, share, "of its frames", 0.99, "lengths", radars, subject))
+                explained.add(owner.name)
+        whole = sum(self.owned[name] for name in (SPEED, YAW_RATE))
+        bad = 1 - len(self.motion) / whole if whole and not explained & {SPEED, YAW_RATE} else 0.0
+        lost = self.health.lost_frames / max(self.health.lost_frames + whole, 1)
+        gone = {owner.name for owner in self.owners if owner.name in moved or owner.name in explained}
+        for one in counted(recorded, self.health.sensors, bad, lost):
+            if not gone & set(one.radars):
+                found.append(one)
+        times = {SPEED: recorded.speed.time, YAW_RATE: recorded.yaw_rate.time} | {radar.name: radar.time for radar in recorded.radars}
+        for name, time in times.items():
+            steps = time[1:] - time[:-1]
+            longest = float(steps.max()) if len(steps) else 0.0
+            lossy = any(one.code == "lost_frames" and name in one.radars and one.value > 2 * LOST for one in found)
+            if longest > SILENCE and not lossy:
+                sentence = f"{name}: silent for {longest:.1f} s"
+                radars, subject = ((), name) if name in (SPEED, YAW_RATE) else ((name,), "")
+                found.append(Finding("silence", sentence, longest, "s", 0.99, "times between samples or scans", radars, subject))
+        return found
+
+
+def _owners(config: Config, reader: SignalReader) -> tuple[list[Owner], dict[tuple[str, FrameId], tuple[str, int]]]:
+    """Who must be heard, and whose frame of what length each id is."""
+    owners: list[Owner] = []
+    lengths: dict[tuple[str, FrameId], tuple[str, int]] = {}
+    for (bus, frame_id), one in reader.readers.items():
+        if isinstance(one, MotionReader):
+            for name, own in ((SPEED, one.wheel_id), (YAW_RATE, one.yaw_id)):
+                if frame_id == own:
+                    lengths[bus, frame_id] = name, one.checks[frame_id].length
+        else:
+            lengths[bus, frame_id] = one.sensor, one.roles[frame_id].length
+    for one in dict.fromkeys(reader.readers.values()):
+        if isinstance(one, MotionReader):
+            owners += [Owner(SPEED, config.motion.bus, (one.wheel_id,), False), Owner(YAW_RATE, config.motion.bus, (one.yaw_id,), False)]
+        else:
+            bus = next(radar.bus for radar in config.radar if radar.name == one.sensor)
+            owners.append(Owner(one.sensor, bus, _needed(one)))
+    return owners, lengths
+
+
+def _needed(radar: RadarReader) -> tuple[FrameId, ...]:
+    """The ids without which there is no scan: the header, the first message of detections, the end."""
+    kept = [
+        frame_id
+        for frame_id, role in radar.roles.items()
+        if role.kind is FrameKind.HEADER or role.last or (role.kind is FrameKind.DETECTIONS and not role.slot)
+    ]
+    return tuple(sorted(kept))
+
+
+def _profiles(config: Config, source: Path) -> tuple[dict[str, RadarProfile], MotionProfile]:
+    radars = {radar.name: load_radar(find(radar.profile, source.parent)) for radar in config.radar}
+    return radars, load_motion(find(config.motion.profile, source.parent))

@@ -1,0 +1,140 @@
+"""What the values alone say: leaps, units and scales, before any mount is looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from echogrid.core.messages import Floats
+from echogrid.core.trust.motion_watch import ACCELERATION, FASTEST, SPEED_NOISE, TURNING, YAW_ACCELERATION, YAW_NOISE
+from echogrid.judging.recorded import RadarTrack, Track
+from echogrid.judging.sensor_velocity import LEAST, sensor_velocity
+
+LEAPS = 0.02  # share of the steps that may be as no car moves
+TRIAL = 80  # scans that a factor of azimuths is tried on
+AZIMUTH_FACTORS = (1.0, 57.2958, 0.0174533, 2.0, 0.5)
+BETTER, GOOD = 0.12, 0.5  # more support that another factor must give, and what it must reach: noise fits a little too
+FEWEST = 20  # scans with which anything is said
+DENSE = 12.0  # detections in a scan from which on a low support means something
+RANGE_FACTORS = (1.0, 100.0, 0.01, 10.0, 0.1, 2.0, 0.5, 1.25, 0.8, 1.6, 0.625)
+AHEAD = 0.15  # s between two scans whose ranges are compared
+NEAR_AZIMUTH, NEAR_RATE, GONE, FIT = 0.1, 0.3, 0.4, 0.15  # rad, m/s, m that it moved at least, m
+ASIDE = (-0.9, -0.6, 0.6, 0.9)  # m: where chance alone brings pairs
+CLEAR = 8.0  # sigmas of chance from which on a factor is believed
+PAIRS = 2000  # that must be there to say that none fits
+
+
+def leaping(track: Track, most: float, rate: float, noise: float) -> float:
+    """Share of the steps, or of the values, that no car can show."""
+    if len(track) < 10:
+        return 0.0
+    step = np.minimum(np.diff(track.time), 0.1)
+    leaps = np.abs(np.diff(track.value)) > noise + rate * step
+    return max(float(leaps.mean()), float(np.mean(np.abs(track.value) > most)))
+
+
+def speed_leaps(speed: Track) -> float:
+    return leaping(speed, 3.6 * FASTEST, ACCELERATION * 3.6, SPEED_NOISE)  # as km/h they do not leap yet
+
+
+def yaw_rate_leaps(yaw_rate: Track) -> float:
+    """Whether in rad/s, or too large by 57.3."""
+    if np.max(np.abs(yaw_rate.value), initial=0.0) > TURNING:
+        return leaping(yaw_rate, 57.3 * TURNING, 57.3 * YAW_ACCELERATION, 57.3 * YAW_NOISE)
+    return leaping(yaw_rate, TURNING, YAW_ACCELERATION, YAW_NOISE)
+
+
+def azimuth_factor(radar: RadarTrack) -> tuple[float, float, float]:
+    """By what azimuths must be multiplied so that the range rates of a scan fit one velocity; the support with it, and as they are.
+
+    Mean share of a scan's detections that fit, over a few scans in which the radar moves; 1 where there are too few.
+    """
+    few = _subset(radar, TRIAL)
+    if len(few) < FEWEST:
+        return 1.0, 1.0, 1.0
+    support = [_support(replace(few, azimuth=few.azimuth * factor)) for factor in AZIMUTH_FACTORS]
+    best = int(np.argmax(support))
+    believed = support[best] > max(support[0] + BETTER, GOOD)
+    if not believed and len(few.range) < DENSE * len(few):
+        return 1.0, 1.0, 1.0
+    return (AZIMUTH_FACTORS[best] if believed else 1.0), support[best], support[0]
+
+
+def range_factor(radar: RadarTrack) -> tuple[float, float, float]:
+    """By what ranges must be multiplied so that they change as the range rates say; its score, and that of 1, in sigmas of chance.
+
+    Detections of scans about 0.15 s apart, at about the same azimuth and range rate: pairs of one thing lie where the range rate has
+    brought it, all others anywhere.
+    """
+    gone, change = _pairs(radar)
+    scores = [_score(change * factor, gone) for factor in RANGE_FACTORS]
+    best = int(np.argmax(scores))
+    clear = scores[best] > CLEAR and scores[best] > 2 * max(scores[0], 1.0)
+    return (RANGE_FACTORS[best] if clear else 1.0), scores[best], scores[0]
+
+
+def ranges_leap(radar: RadarTrack) -> bool:
+    """Whether the ranges change without any regard to the range rates, though there is much to compare."""
+    gone, change = _pairs(radar)
+    if len(gone) < PAIRS or np.median(radar.range) < 60.0:
+        return False
+    return max(_score(change * factor, gone) for factor in RANGE_FACTORS) < CLEAR / 2
+
+
+def _score(change: Floats, gone: Floats) -> float:
+    if len(gone) < 20:
+        return 0.0
+    hit = float(np.count_nonzero(np.abs(change - gone) < FIT))
+    chance = float(np.mean([np.count_nonzero(np.abs(change - gone - aside) < FIT) for aside in ASIDE]))
+    return (hit - chance) / float(np.sqrt(chance + 1))
+
+
+def _pairs(radar: RadarTrack) -> tuple[Floats, Floats]:
+    """By how much pairs of detections should have moved (m) by their range rate, and by how much their ranges differ."""
+    if len(radar) < 20:
+        return np.empty(0), np.empty(0)
+    ahead = max(1, round(AHEAD / max(float(np.median(np.diff(radar.time))), 1e-3)))
+    gone, change = [], []
+    for one in range(0, len(radar) - ahead, max(1, len(radar) // 400)):
+        time = radar.time[one + ahead] - radar.time[one]
+        if not 0 < time < 3 * AHEAD:
+            continue
+        a, b = (slice(radar.first[n], radar.first[n + 1]) for n in (one, one + ahead))
+        rate, later = radar.range_rate[a][:, None], radar.range_rate[b][None]
+        near = np.abs(radar.azimuth[a][:, None] - radar.azimuth[b][None]) < NEAR_AZIMUTH
+        i, j = np.nonzero(near & (np.abs(rate - later) < NEAR_RATE) & (np.abs(rate * time) > GONE))
+        gone.append(radar.range_rate[a][i] * time)
+        change.append(radar.range[b][j] - radar.range[a][i])
+    return (np.concatenate(gone), np.concatenate(change)) if gone else (np.empty(0), np.empty(0))
+
+
+def _subset(radar: RadarTrack, most: int) -> RadarTrack:
+    """The scans with most spread of range rates among those with enough detections, evenly over the drive."""
+    usable = np.flatnonzero(radar.counts >= LEAST)
+    spread = np.array([np.ptp(radar.range_rate[radar.first[n] : radar.first[n + 1]]) for n in usable])
+    usable = usable[spread > 1.0] if len(usable) else usable
+    return scans_of(radar, usable[np.linspace(0, len(usable) - 1, min(most, len(usable))).astype(np.intp)])
+
+
+def scans_of(radar: RadarTrack, chosen: Sequence[int] | np.ndarray) -> RadarTrack:
+    """The radar with some of its scans alone."""
+    index = np.concatenate([np.arange(radar.first[n], radar.first[n + 1]) for n in chosen] or [np.empty(0, np.intp)])
+    chosen = np.asarray(chosen, dtype=np.intp)
+    return replace(
+        radar,
+        time=radar.time[chosen],
+        first=np.concatenate(([0], np.cumsum(radar.counts[chosen]))).astype(np.intp),
+        range=radar.range[index],
+        azimuth=radar.azimuth[index],
+        range_rate=radar.range_rate[index],
+        ambiguity=radar.ambiguity[chosen],
+        blockage=radar.blockage[chosen],
+    )
+
+
+def _support(radar: RadarTrack) -> float:
+    """Mean share of a scan's detections that fit one velocity, with wide-spread azimuths; 0 for scans that tell none."""
+    seen = sensor_velocity(radar)
+    return float(seen.support.sum()) / len(radar)

@@ -1,0 +1,93 @@
+"""`echogrid check` as it is typed: exit codes, JSON, the mended configuration, the page."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+import can
+import pytest
+from tests.judging.mistakes import PLANTED, Planted
+from tests.judging.trial import winding
+
+from echogrid.judging.finding import CODES
+
+
+def echogrid(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-W", "error", "-m", "echogrid", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+def written(folder: Path, planted: Planted) -> tuple[Path, Path]:
+    """Configuration and log."""
+    folder.mkdir(exist_ok=True)
+    with can.CanutilsLogWriter(folder / "can.log") as writer:
+        for message in planted.messages:
+            writer.on_message_received(message)
+    return planted.write(folder), folder / "can.log"
+
+
+@pytest.fixture(scope="module")
+def mirrored(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A comment in the configuration, azimuths of the wrong sign, and a yaw that is off."""
+    mistake = next(one for one in PLANTED if one.name == "azimuth's sign").plant(winding())
+    planted = mistake.radar(2, yaw_deg=141.0).sub(r'vehicle = "test"', 'vehicle = "test"  # ours')
+    return written(tmp_path_factory.mktemp("mirrored"), planted)
+
+
+def test_a_sound_drive_exits_with_0(tmp_path: Path) -> None:
+    config, log = written(tmp_path, winding())
+    done = echogrid("check", "-c", config, log)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.endswith("nothing wrong was found\n")
+    done = echogrid("check", "-c", config)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_what_is_mended_is_sound(mirrored: tuple[Path, Path], tmp_path: Path) -> None:
+    """The mended configuration in another folder, with its own copy of the profile: nothing is found any more."""
+    config, log = mirrored
+    done = echogrid("check", "-c", config, log, "--json", "--fix-out", tmp_path / "mended.toml", "--report", tmp_path / "page.html")
+    assert (done.returncode, done.stderr) == (2, "")
+    told = json.loads(done.stdout)
+    assert {one["code"] for one in told["findings"]} == {"azimuth_sign", "mount_yaw"}
+    assert all(one["code"] in CODES and 0.5 < one["confidence"] <= 1 and one["fix"] for one in told["findings"])
+    assert set(told["radars"]["front_left"]) >= {"rate_hz", "gap_s", "jitter_ms", "bad_crc", "range_m", "estimates"}
+    assert told["radars"]["front_left"]["rate_hz"] == pytest.approx(20.0, abs=0.1)
+    text = (tmp_path / "mended.toml").read_text()
+    assert 'vehicle = "test"  # ours' in text
+    done = echogrid("check", "-c", tmp_path / "mended.toml", log)
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout
+    check_page((tmp_path / "page.html").read_text())
+
+
+def check_page(text: str) -> None:
+    """One page that needs nothing else."""
+    tags: list[tuple[str, dict[str, str | None]]] = []
+
+    class Reader(HTMLParser):
+        def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+            tags.append((tag, dict(attrs)))
+
+    Reader().feed(text)
+    assert not [tag for tag, _ in tags if tag in ("script", "link", "img", "iframe")]
+    assert not [found for _, found in tags if "src" in found or "href" in found]
+    assert len([tag for tag, _ in tags if tag == "svg"]) == 12  # speed, gaps, counts, map; residuals and sectors of four radars
+    assert "azimuth_sign" in text
+    assert "nan" not in text.lower().replace("nanoseconds", "")
+
+
+def test_what_cannot_be_read_is_one_sentence(mirrored: tuple[Path, Path], tmp_path: Path) -> None:
+    config, _ = mirrored
+    for arguments, said in (
+        (("-c", config, tmp_path / "none.log"), "none.log"),
+        (("-c", tmp_path / "none.toml", tmp_path / "none.log"), "none.toml"),
+        (("-c", config, "--json"), "--json, --fix-out and --report need a LOG"),
+    ):
+        done = echogrid("check", *arguments)
+        assert done.returncode == 1
+        assert said in done.stderr
+        assert done.stderr.count("\n") == 1

@@ -1,0 +1,45 @@
+"""What disputes ego motion, and when that ends."""
+
+from __future__ import annotations
+
+import re
+
+from echogrid.core.messages import Speed, YawRate
+from echogrid.core.radar.doppler_motion import DopplerMotion
+from echogrid.core.trust.motion_watch import MotionWatch
+
+STEP_NS = 50_000_000
+
+
+def drive(watch: MotionWatch, begin: int, steps: int, wheels: float, radars: float) -> list[str | None]:
+    """What is disputed after each of so many comparisons, 50 ms apart."""
+    said = []
+    for n in range(begin, begin + steps):
+        watch.judge(Speed(n * STEP_NS, wheels))
+        watch.judge(YawRate(n * STEP_NS, 0.0))
+        watch.compare(n * STEP_NS, wheels, 0.0, 0.2, DopplerMotion(radars, 0.0, 0.9))
+        said.append(watch.disputed)
+    return said
+
+
+def test_a_dispute_ends_where_both_say_that_the_car_stands() -> None:
+    watch = MotionWatch()
+    assert drive(watch, 0, 40, 3.0, 6.0)[-1] == "wheel speed: is stuck at 3.00 m/s, the radars measure 6.00 m/s"
+    assert drive(watch, 40, 1, 0.0, 0.02) == [None]
+    assert drive(watch, 41, 40, 0.0, 0.0) == [None] * 40
+
+
+def test_the_reason_tells_values_that_differ() -> None:
+    """On average they still do, for a while, when they agree again: never is it said that 6.00 is not 6.00."""
+    watch = MotionWatch()
+    said = [*drive(watch, 0, 40, 6.0, 3.0), *drive(watch, 40, 60, 6.0, 6.05)]
+    assert said[40] is not None
+    assert said[-1] is None
+    for sentence in filter(None, said):
+        one, other = map(float, re.findall(r"(-?[0-9.]+) m/s", sentence))
+        assert abs(one - other) > 0.5, sentence
+
+
+def test_wheels_that_read_0_while_the_car_moves_stay_disputed() -> None:
+    watch = MotionWatch()
+    assert drive(watch, 0, 60, 0.0, 3.0)[-1] == "wheel speed: is stuck at 0.00 m/s, the radars measure 3.00 m/s"
