@@ -74,5 +74,8 @@ def lost_scans(radar: RadarTrack) -> float:
     if len(radar) < 10:
         return 0.0
     steps = np.diff(radar.time)
-    missing = np.maximum(np.round(steps / np.median(steps)) - 1, 0).sum()
+    usual = float(np.median(steps))
+    if usual <= 0:  # times that stand still
+        return 0.0
+    missing = np.maximum(np.round(steps / usual) - 1, 0).sum()
     return float(missing / (missing + len(radar)))
