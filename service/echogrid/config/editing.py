@@ -15,7 +15,7 @@ HEADER = re.compile(r"\s*(\[\[?)\s*([^\]]+?)\s*\]\]?\s*(#.*)?$")
 def edited(text: str, changes: Mapping[Path, Any]) -> str:
     """The text with other values, new ones where a key is missing.
 
-    Line by line where that gives what is meant, else written anew, without its comments. Raises ValueError where the text is no TOML.
+    Line by line where that gives what is meant, else the whole file without its comments. Raises ValueError where the text is no TOML.
     """
     wanted = tomllib.loads(text)
     for path, value in changes.items():

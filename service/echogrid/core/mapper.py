@@ -35,10 +35,10 @@ class MapUpdate:
 
 
 class Mapper:
-    """Remembers the poses, the scans of the running cycle, whom to believe, and the map.
+    """Remembers the poses, the scans of the running cycle, which radars are trusted, and the map.
 
     Time comes with the data: `update(now_ns)` ends the cycle when the receive time of the traffic passes the next multiple of
-    `cycle_ns`. Every complete scan goes into exactly one cycle. Where the way of the car is lost, map, history and poses begin anew;
+    `cycle_ns`. Every complete scan goes into exactly one cycle. Where the way of the car is lost, a new map starts, with new history and poses;
     `epoch` counts how often.
     """
 
@@ -76,7 +76,7 @@ class Mapper:
         """A sample that cannot be true is left out; one that does not continue those before begins a new map."""
         verdict = self.watch.motion.judge(motion)
         if verdict in (Verdict.GAP, Verdict.BACK, Verdict.JUMP):
-            self._begin_anew(f"ego motion: {verdict.value}")
+            self._start_new_map(f"ego motion: {verdict.value}")
             verdict = self.watch.motion.judge(motion)
         if verdict is Verdict.GOOD:
             self.odometry.add(motion)
@@ -102,13 +102,13 @@ class Mapper:
         if self.cycle_end_ns is not None and now_ns < self.cycle_end_ns:
             if now_ns >= self.cycle_end_ns - self.cycle_ns - BACK_NS:
                 return None
-            self._begin_anew("the clock was set back")
+            self._start_new_map("the clock was set back")
         self.cycle_end_ns = now_ns // self.cycle_ns * self.cycle_ns + self.cycle_ns
         return self.end_cycle()
 
     def end_cycle(self) -> MapUpdate | None:
         """Predict, doubt, gate, remember, infer, integrate: what the pending scans say goes into the map, if it takes one from here."""
-        placed = self._believed(self._place(self.pending))
+        placed = self._trusted(self._place(self.pending))
         self.pending = []
         if not placed:
             return None
@@ -130,7 +130,7 @@ class Mapper:
         self.watch.mapped_ns = max(one.scan.received_ns for one in placed)
         return MapUpdate(ego, static.points)
 
-    def _begin_anew(self, why: str) -> None:
+    def _start_new_map(self, why: str) -> None:
         """Another map: where the car is in the old one is not known any more."""
         self.map.clear()
         self.history = History()
@@ -155,8 +155,8 @@ class Mapper:
         self.health.scans_without_pose += len(scans) - len(placed)
         return placed
 
-    def _believed(self, placed: list[PlacedScan]) -> list[PlacedScan]:
-        """Those of radars that can be believed; none while ego motion cannot be, and what comes after that is a new map's."""
+    def _trusted(self, placed: list[PlacedScan]) -> list[PlacedScan]:
+        """Those of trusted radars; none while ego motion is not trusted, and what comes after that belongs to a new map."""
         if not placed:
             return []
         disputed = self.watch.motion.disputed
@@ -165,15 +165,15 @@ class Mapper:
             self.health.scans_without_pose += len(placed)
             return []
         if disputed is not None:
-            self._begin_anew(f"ego motion could not be believed ({disputed})")
+            self._start_new_map(f"ego motion was not trusted ({disputed})")
             return []
-        believed = []
+        trusted = []
         for one in placed:
             if self.watch.radars[one.scan.sensor].doubts:
                 self.health.sensors[one.scan.sensor].distrusted += 1
             else:
-                believed.append(one)
-        return believed
+                trusted.append(one)
+        return trusted
 
     def _detections(self, placed: list[PlacedScan], now: EgoState) -> Detections:
         """All their detections, moving ones too, in base at `now`: each carried there from where the car was when it was measured."""
@@ -211,7 +211,7 @@ class Mapper:
         return View(stamp_ns, np.bitwise_or.reduce([self._in_view[one.scan.sensor] for one in placed]))
 
     def _live(self, now_ns: int) -> list[str]:
-        """Radars that can be believed, with a scan that is not older than `max_age_ns`."""
+        """Trusted radars with a scan that is not older than `max_age_ns`."""
         live = [name for name, stamp_ns in self.newest_ns.items() if now_ns - stamp_ns <= self.max_age_ns]
         return [name for name in live if not self.watch.radars[name].doubts]
 

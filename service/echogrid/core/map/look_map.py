@@ -1,6 +1,6 @@
 """The default map: what a network says, averaged over looks, beside what the radars measured; both are read out together.
 
-A learned model says its prior anew each time it is asked. Summed as if the answers were independent (Eq. 1 of the paper), they saturate;
+A learned model repeats its prior each time it is asked. Summed as if the answers were independent (Eq. 1 of the paper), they saturate;
 their mean does not. What was measured is counted, and decides wherever there is enough of it. Reason and figures: docs/fusion.md.
 """
 

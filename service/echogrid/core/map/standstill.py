@@ -1,6 +1,6 @@
 """Around a standing car: what arrives and what leaves.
 
-A car that stands sees the same things over and over. Counted anew at every update they would outweigh all that was seen from elsewhere, so
+A car that stands sees the same things over and over. Counted again at every update they would outweigh all that was seen from elsewhere, so
 what counts is change alone: a place where reflections were usual and are missing, or were not and now come again and again.
 """
 

@@ -88,7 +88,7 @@ class TiledMap(ABC):
         """(layers, H, W) -> (H, W): where plain geometry has a word in it; what is known elsewhere is learned only."""
 
     def clear(self) -> None:
-        """Begins anew: nothing is known. What the shelf has not yet goes there; `forgotten` goes on counting."""
+        """Starts a new map: nothing is known. What the shelf has not yet goes there; `forgotten` goes on counting."""
         if self.shelf is not None:
             for key in self.dirty:
                 self.shelf.store(key, self.tiles[key])

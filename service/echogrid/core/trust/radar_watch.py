@@ -1,4 +1,4 @@
-"""Whether one radar can be believed: by what it said before, by what the others see, and by how the car moves."""
+"""Whether one radar is trusted: by what it said before, by what the others see, and by how the car moves."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class RadarWatch:
         self.doubt("shifted", abs(off) > AGE_SHIFT, f"shifted in time: its scans are {abs(off) * 1e3:.0f} ms {late} than usual")
         self._usual_lag = scan.lag if self._usual_lag is None else self._usual_lag
         lag = scan.lag - self._usual_lag
-        self._usual_lag += lag * step / FORGIVEN  # a sender that started anew is believed again after a while
+        self._usual_lag += lag * step / FORGIVEN  # a sender that restarted is trusted again after a while
         self.doubt("lags", abs(lag) > AGE_SHIFT, f"shifted in time: its scans come {lag * 1e3:.0f} ms later than their counter says")
         self._last = scan
         self._watched += step
