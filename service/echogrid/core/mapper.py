@@ -38,8 +38,8 @@ class Mapper:
     """Remembers the poses, the scans of the running cycle, which radars are trusted, and the map.
 
     Time comes with the data: `update(now_ns)` ends the cycle when the receive time of the traffic passes the next multiple of
-    `cycle_ns`. Every complete scan goes into exactly one cycle. Where the way of the car is lost, a new map starts, with new history and poses;
-    `epoch` counts how often.
+    `cycle_ns`. Every complete scan goes into exactly one cycle. Where the way of the car is lost a new map starts, with its own history
+    and poses; `epoch` counts how often.
     """
 
     def __init__(

@@ -130,7 +130,7 @@ def test_a_drive_without_places_and_a_file_that_is_no_network_are_one_sentence(m
     for sensor in (1, 2, 3, 4):
         arrays[f"radar{sensor}_odom"][:, 1] += 1000.0  # s: the odometry is of another hour
     np.savez(path, **arrays)
-    with pytest.raises(EchogridError, match="^radarscenes-seq_1: none of its scans lies between samples of speed and yaw rate"):
+    with pytest.raises(EchogridError, match="^radarscenes-seq_1: none of its scans is between samples of speed and yaw rate"):
         evaluate("radarscenes", path, model=model, out=tmp_path)
     (tmp_path / "net.onnx").write_text("no network")
     with pytest.raises(EchogridError, match="net.onnx: is not an ONNX model that onnxruntime reads: "):

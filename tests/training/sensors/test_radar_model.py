@@ -30,7 +30,8 @@ from echogrid_training.sensors.radar_model import (
     sense,
     sensor_at,
 )
-from echogrid_training.sensors.scatterers import SCATTERER, box_around, car, flats, placed, points
+from echogrid_training.sensors.scatterers import SCATTERER, box_around, car, placed, points
+from echogrid_training.sensors.surfaces import flats
 from echogrid_training.sensors.visibility import Traffic, nearest_points, poses_at
 from echogrid_training.towns.town import Material, Thing, Town, Track
 

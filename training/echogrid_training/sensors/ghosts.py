@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from echogrid.core.messages import Floats
-from echogrid_training.sensors.scatterers import Flats, Scatterers
+from echogrid_training.sensors.scatterers import Scatterers
+from echogrid_training.sensors.surfaces import Flats
 from echogrid_training.sensors.visibility import Indices, losses, nearest_points
 
 MIRRORS = 4  # nearest ones that are looked at

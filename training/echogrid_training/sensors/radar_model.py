@@ -18,8 +18,9 @@ from echogrid.core.motion.se2 import SE2
 from echogrid.core.radar.static_gate import fold
 from echogrid_training.sensors.episode import NEAR, Corner, Episode, RadarType
 from echogrid_training.sensors.ghosts import FAINTER, ghosts
-from echogrid_training.sensors.scatterers import LOSS as LOSSES
-from echogrid_training.sensors.scatterers import WAVES, Flats, Scatterers, barriers, flats, moving_scatterers, placed, static_scatterers
+from echogrid_training.sensors.scatterers import WAVES, Scatterers, moving_scatterers, placed, static_scatterers
+from echogrid_training.sensors.surfaces import LOSS as LOSSES
+from echogrid_training.sensors.surfaces import Flats, barriers, flats
 from echogrid_training.sensors.visibility import Indices, Near, Presence, losses
 from echogrid_training.towns.town import Town
 
