@@ -26,7 +26,7 @@ def test_patches_are_the_training_samples(room_drive: Path, room_tape: Tape) -> 
         np.testing.assert_array_equal(patch.image, sample.image)
         told = sample.truth != 0  # of what no radar can have earned a sample says nothing; here it is judged as well
         np.testing.assert_array_equal(patch.place.truth[told], sample.truth[told])
-        assert told.mean() > 0.3
+        assert told.mean() > 0.1
 
 
 def test_the_car_itself_is_not_judged(room_tape: Tape) -> None:
