@@ -20,6 +20,7 @@ from echogrid.can import e2e
 from echogrid.can.dbc import Dbc
 from echogrid.can.motion import MotionReader
 from echogrid.can.profile import load_motion
+from echogrid.config.tables import Motion
 from echogrid.core.health import Health
 from echogrid.errors import EchogridError
 
@@ -92,7 +93,7 @@ def _reader(folder: Path, crc: str) -> MotionReader:
     path = folder / "mine.toml"
     assert CRC in PROFILE
     path.write_text(PROFILE.replace(CRC, crc))
-    return MotionReader(load_motion(path), Dbc(DBC / "vehicle_motion.dbc", path), None, Health())
+    return MotionReader(load_motion(path), Dbc(DBC / "vehicle_motion.dbc", path), Motion(bus="can0"), Health())
 
 
 def test_a_profile_takes_protected_frames_and_no_others(tmp_path: Path) -> None:

@@ -104,8 +104,9 @@ def test_map_server_files_agree_with_the_map(drive: Path, tmp_path: Path) -> Non
     assert json.loads(fields["origin"]) == [*origin.tolist(), 0.0]
     darkness = (255 - grey) / 255
     p = 1 / (1 + np.exp(-log_odds.astype(float)))
-    assert ((darkness > float(fields["occupied_thresh"])) == ((p > 0.65) & (log_odds != 0))).all()
-    assert ((darkness < float(fields["free_thresh"])) == ((p < 0.196) & (log_odds != 0))).all()
+    assert (float(fields["occupied_thresh"]), float(fields["free_thresh"])) == (0.5, 0.1)
+    assert ((darkness >= 0.5) == ((p >= 0.5) & (log_odds != 0))).all()
+    assert ((darkness <= 0.1) == ((p <= 0.1) & (log_odds != 0))).all()
 
 
 def test_other_formats_give_the_same_map(drive: Path, tmp_path: Path) -> None:

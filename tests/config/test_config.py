@@ -60,7 +60,7 @@ def test_the_smallest_configuration_drives(tmp_path: Path) -> None:
         ),
         (
             ('model = "analytic"', "map.max_mib = 8\npublish.window_cells = 640"),  # 352 KiB each
-            "publish.window_cells: 640 found, whose 36 tiles have no room in map.max_tiles and map.max_mib, which hold 23",
+            "publish.window_cells: 640 found, whose 36 tiles have no room in map.max_tiles and map.max_mib, which hold 19",
         ),
         (('vehicle = "test"', "map.cycle_ms = 1e308"), "map.cycle_ms: Expected `float` <= 1000000.0"),
         (('model = "analytic"', f'model = "default"\nmodel_sha256 = "{"0" * 64}"'), "model_sha256: given for 'default', expected beside"),

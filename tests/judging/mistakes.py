@@ -358,7 +358,7 @@ PLANTED = (
     ),
     Mistake(
         "the log's channel",
-        lambda p: p.sub(r'channel = "can0"', 'channel = "can5"'),
+        lambda p: p.sub(r'channel = "can0"', 'channel = "can0"\nlog_channel = "can5"'),
         "wrong_channel",
         config={("bus", 0, "log_channel"): "can0"},
     ),

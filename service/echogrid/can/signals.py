@@ -140,7 +140,8 @@ def bus_of(message: can.Message, buses: tuple[Bus, ...]) -> str | None:
             return bus.name
         if isinstance(channel, str) and isinstance(bus.log_channel, int) and channel == f"can{bus.log_channel}":
             return bus.name
-    return next((bus.name for bus in buses if bus.name == channel), None)  # so a copy of a recording calls it
+    # A copy of a recording may call the bus by its name; where `log_channel` says another, that holds.
+    return next((bus.name for bus in buses if bus.name == channel and bus.log_channel is None), None)
 
 
 def _number(name: str) -> int | None:

@@ -63,7 +63,7 @@ def test_names_from_outside_stay_text() -> None:
 
 def test_the_page_says_what_is_not_the_papers() -> None:
     said = " ".join(page(made()).split())
-    assert "channel widths, depth and kernels are our choice" in said
+    assert "so we chose channel widths, depth and" in said
     assert "<b>The towns are simulated</b>" in said
     assert "along test-00000, with 231 m" in said
 
