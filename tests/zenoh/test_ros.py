@@ -27,7 +27,7 @@ from echogrid.core.motion.se2 import SE2
 from echogrid.topics.grids import GridUpdate, encode_update
 from echogrid.topics.points import Points, encode_points
 from echogrid.topics.poses import Transform, encode_transforms
-from echogrid.topics.topic import DETECTIONS, KEY, TOPICS, TRANSFORM, UPDATE, Message
+from echogrid.topics.topic import DETECTIONS, KEY, TOPICS, TRANSFORM, TRINARY, UPDATE, Message
 from echogrid.zenoh import ros
 from echogrid.zenoh.attachment import decode_attachment
 from echogrid.zenoh.publisher import Publisher, session_config
@@ -149,9 +149,12 @@ def plain(value):
 
 
 deadline = time.monotonic() + patience
-while len(topics := get_topic_names_and_types(0, "127.0.0.1", port, timeout=patience)) < count and time.monotonic() < deadline:
+while len(topics := get_topic_names_and_types(0, "127.0.0.1", port, timeout=1.0)) < count and time.monotonic() < deadline:
     pass
-infos = {name: get_topic_info(name, 0, "127.0.0.1", port, timeout=patience, verbose=True) for name, _ in topics}
+infos = {}
+while len(infos) < len(topics) and time.monotonic() < deadline:
+    found = {name: get_topic_info(name, 0, "127.0.0.1", port, timeout=1.0, verbose=True) for name, _ in topics if name not in infos}
+    infos |= {name: info for name, info in found.items() if info is not None and info.publishers}
 told = {"topics": topics, "hashes": {name: info.publishers[0].type_hash for name, info in infos.items()}}
 wanted = json.loads(sys.argv[3])
 subscribers = []
@@ -190,6 +193,7 @@ def everything(stamp_ns: int) -> list[Message]:
         Message(UPDATE, encode_update(update), stamp_ns, 0, 1),
         Message(TRANSFORM, encode_transforms((Transform(stamp_ns, "odom", "base", pose),)), stamp_ns, 0, 0),
         Message(DETECTIONS, encode_points(points), stamp_ns, 0, 0),
+        messages.grid(stamp_ns, -3, 10, 0.5, LOG_ODDS, topic=TRINARY, keyframe=1),
     ]
 
 
@@ -215,6 +219,7 @@ def test_a_node_of_other_peoples_making_sees_and_understands_all(port: int, tmp_
             assert node.stdout is not None
             told: dict[str, Any] = json.loads(node.stdout.read())
     assert not (tmp_path / ".gitconfig").exists()
+    assert told.keys() >= {name for name, _, _ in wanted}
     assert dict(told["topics"]) == {name: [topic.type] for name, topic in under.items()}
     assert told["hashes"] == {name: STORE.hash_rihs01(str(topic.type)) for name, topic in under.items()}
     at = namespace.rstrip("/")
