@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--epochs", type=positive, metavar="N", help="(default: 30, or 4 short ones with --small)")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of first weights, order and augmentation (default: 0)")
     parser.add_argument("--from", dest="start", type=Path, metavar="FILE", help="a float ONNX file of the default network to go on from")
+    parser.add_argument(
+        "--keep", type=_share, default=0.5, metavar="K", help="share of that file's weights in what is written (default: 0.5)"
+    )
     parser.add_argument("--small", action="store_true", help="few samples, the paper's network half as wide: five minutes on two cores")
     parser.add_argument("--workers", type=positive, default=os.cpu_count() or 1, metavar="N", help="processes that cut samples")
     parser.add_argument("--resume", action="store_true", help="continue the run in --out where it was interrupted")
@@ -57,13 +61,16 @@ def run(options: argparse.Namespace, track: Track = untracked) -> str:
     trained = train.fit(samples, validation, settings, options.out, resume=options.resume, track=track, start=start)
     if int(os.environ.get("RANK", "0")):
         return "the first process judges and exports"
+    calibration = Calibration(*trained.calibration)
+    if options.start is not None:
+        learned_file = export.export(trained, options.out / "learned", calibration)[0]
+        trained = replace(trained, weights=warm_start.between(options.start, learned_file, options.keep, validation))
     way, model = trained.recipe(), trained.model()
     rows = [_row("validation", len(held_out), len(validation), train.judge(way, model, validation))]
     if options.test is not None:
         tested = find_drives(options.test)
         test = load_drives(tested, track, workers=options.workers)
         rows.append(_row("test", len(tested), len(test), train.judge(way, model, test)))
-    calibration = Calibration(*trained.calibration)
     paths = export.export(trained, options.out, calibration, calibrating(validation) if options.network == "default" else None)
     if options.network == "default":
         calibration = calibrate_map(some(held_out, MAPPED), paths[0], track)
@@ -92,6 +99,13 @@ TABLE = (
 def _row(name: str, drives: int, samples: int, figures: dict[str, dict[str, float]]) -> str:
     values = [value for kind in ("ternary", "soft") for value in figures[kind].values()]
     return f"| {name}: {drives} | {samples} | " + " | ".join("–" if math.isnan(value) else f"{value:.3f}" for value in values) + " |"
+
+
+def _share(text: str) -> float:
+    number = float(text)
+    if not 0.0 <= number <= 1.0:
+        raise argparse.ArgumentTypeError(f"{number:g} found, expected 0 to 1")
+    return number
 
 
 def positive(text: str) -> int:
