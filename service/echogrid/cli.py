@@ -1,4 +1,4 @@
-"""The command line: `echogrid run | status | replay | check | map | demo`; what they do is in `commands`.
+"""The command line: `echogrid run | status | replay | check | init | map | demo`; what they do is in `commands`.
 
 A command is imported where it is run: `--help` need not wait for Zenoh and ONNX Runtime.
 """
@@ -101,15 +101,27 @@ def _parser() -> argparse.ArgumentParser:
 
     check = commands.add_parser(
         "check",
-        help="a configuration, and what a recording says is wrong with it",
-        epilog="Exits with 0 where nothing wrong was found, 2 where something was, 1 where a file cannot be read.",
+        help="a configuration, and what a recording or live buses say is wrong with it",
+        epilog="Exits with 0 where nothing wrong was found, 2 where something was, 1 where a file or a bus cannot be read.",
     )
     check.add_argument("log", type=Path, nargs="?", metavar="LOG")
     check.add_argument("-c", "--config", type=Path, required=True)
+    check.add_argument("--seconds", type=_seconds, metavar="N", help="instead of a LOG: listen to the configured buses for so long")
     check.add_argument("--json", action="store_true", help="the report as one JSON object")
     check.add_argument("--fix-out", type=Path, metavar="FILE.toml", help="the mended configuration, with its profiles beside it")
     check.add_argument("--report", type=Path, metavar="FILE.html", help="one page with plots")
     check.set_defaults(command=_check)
+
+    init = commands.add_parser(
+        "init",
+        help="a configuration out of a recording, and DBCs if there are any",
+        epilog="Exits with 0 where a check accepts what was written, 2 where something is missing or wrong, 1 where a file cannot be read.",
+    )
+    init.add_argument("log", type=Path, metavar="LOG")
+    init.add_argument("--dbc", type=Path, action="append", default=[], metavar="FILE", help="may be given several times; none: shipped profiles")
+    init.add_argument("--out", type=Path, default=Path("echogrid.toml"), metavar="FILE.toml", help="with profiles beside it (default: %(default)s)")
+    init.add_argument("--force", action="store_true", help="replace files that are there")
+    init.set_defaults(command=_init)
 
     _map_parsers(commands.add_parser("map", help="stored maps: look, convert, merge").add_subparsers(required=True, metavar="COMMAND"))
 
@@ -162,6 +174,17 @@ def _map_parsers(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
         command.add_argument("--force", action="store_true", help="replace an existing output")
 
 
+def _seconds(text: str) -> float:
+    """How long to listen."""
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = -1.0
+    if not 0.1 <= seconds <= 3600:
+        raise argparse.ArgumentTypeError(f"'{text}' found, expected seconds from 0.1 to 3600")
+    return seconds
+
+
 def _address(text: str) -> tuple[str, int]:
     """Host and port; on this machine alone unless another host is written out."""
     host, colon, port = text.rpartition(":")
@@ -202,7 +225,15 @@ def _replay(arguments: argparse.Namespace) -> None:
 def _check(arguments: argparse.Namespace) -> None:
     from echogrid.commands.check import command
 
-    if not command(arguments.config, arguments.log, as_json=arguments.json, fix_out=arguments.fix_out, page=arguments.report):
+    options = {"as_json": arguments.json, "fix_out": arguments.fix_out, "page": arguments.report}
+    if not command(arguments.config, arguments.log, seconds=arguments.seconds, **options):
+        sys.exit(2)
+
+
+def _init(arguments: argparse.Namespace) -> None:
+    from echogrid.commands.init import command
+
+    if not command(arguments.log, arguments.dbc, arguments.out, force=arguments.force):
         sys.exit(2)
 
 
