@@ -118,8 +118,12 @@ def _parser() -> argparse.ArgumentParser:
         epilog="Exits with 0 where a check accepts what was written, 2 where something is missing or wrong, 1 where a file cannot be read.",
     )
     init.add_argument("log", type=Path, metavar="LOG")
-    init.add_argument("--dbc", type=Path, action="append", default=[], metavar="FILE", help="may be given several times; none: shipped profiles")
-    init.add_argument("--out", type=Path, default=Path("echogrid.toml"), metavar="FILE.toml", help="with profiles beside it (default: %(default)s)")
+    init.add_argument(
+        "--dbc", type=Path, action="append", default=[], metavar="FILE", help="may be given several times; none: shipped profiles"
+    )
+    init.add_argument(
+        "--out", type=Path, default=Path("echogrid.toml"), metavar="FILE.toml", help="with profiles beside it (default: %(default)s)"
+    )
     init.add_argument("--force", action="store_true", help="replace files that are there")
     init.set_defaults(command=_init)
 

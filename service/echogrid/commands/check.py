@@ -1,4 +1,4 @@
-"""`echogrid check`: a configuration, and what a recording or live buses say about it: what is wrong, how sure that is, and what mends it."""
+"""`echogrid check`: what a recording, or live buses, say is wrong with a configuration, how sure that is, and what mends it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ def command(
 ) -> bool:
     """Prints what was found; returns whether nothing is wrong. `seconds`: so long the configured buses are listened to, instead of a log.
 
-    Raises EchogridError where configuration, log or bus cannot be read, and, after all is printed, where the log is torn or its times are none.
+    Raises EchogridError where configuration, log or bus cannot be read, and, after all is printed, where the log is torn or its times
+    are none.
     """
     if log is not None and seconds is not None:
         raise EchogridError("either a LOG or --seconds can be checked, not both")
@@ -39,7 +40,9 @@ def command(
         return True
     name = log.name if log is not None else "the live buses"
     with progress(f"check {name}") as advance:
-        report = check_log(config, config_path, log, advance) if log is not None else check_live(config, config_path, seconds or 0.0, advance)
+        report = (
+            check_log(config, config_path, log, advance) if log is not None else check_live(config, config_path, seconds or 0.0, advance)
+        )
     shown = name if log is None else str(log)
     print(json.dumps(as_document(report, config_path, log), indent=2) if as_json else render(report, shown))
     if page is not None:

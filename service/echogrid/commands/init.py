@@ -21,10 +21,12 @@ from echogrid.surveying.survey import Survey, survey
 ROUNDS = 3  # of checking and mending
 CONFIDENT = 0.8
 # What a check may mend here: the rest needs a person.
-MENDED = {
-    "speed_sign", "speed_unit", "speed_scale", "wheel_scale", "yaw_rate_sign", "yaw_rate_unit", "yaw_rate_bias", "azimuth_unit", "range_unit",
-    "range_rate_unit", "mount_yaw", "mount_x", "mount_y", "time_offset", "field_of_view",
-}  # fmt: skip
+MENDED = frozenset(
+    (
+        *("speed_sign", "speed_unit", "speed_scale", "wheel_scale", "yaw_rate_sign", "yaw_rate_unit", "yaw_rate_bias"),
+        *("azimuth_unit", "range_unit", "range_rate_unit", "mount_yaw", "mount_x", "mount_y", "time_offset", "field_of_view"),
+    )
+)
 
 
 def command(log: Path, dbcs: Sequence[Path], out: Path, *, force: bool) -> bool:
@@ -99,8 +101,17 @@ def _told(found: Survey, proposal: Proposal, report: Report | None, out: Path, n
         lines.append(f"radar {radar.mount.name}: {what} on {channel}{shift}: {len(sender.scans)} scans, {sender.share:.0%} of them whole")
     if found.motion is not None:
         wheels, turning = found.motion.messages
-        lines.append(f"motion: {found.motion.profile or f'{wheels} and {turning} of the DBC'} on {found.motion.channel.name or 'the only channel'}")
+        lines.append(
+            f"motion: {found.motion.profile or f'{wheels} and {turning} of the DBC'} on {found.motion.channel.name or 'the only channel'}"
+        )
     uncertain = proposal.uncertain()
+    if not found.signs.sure and found.first_bend is not None:
+        time, degrees = found.first_bend
+        side = "left" if degrees > 0 else "right"
+        lines.append(
+            f"left and right: by this configuration the first bend is at {time:.0f} s, {abs(degrees):.0f}° to the {side}. "
+            "If the car went the other way, turn the signs of yaw_rate and azimuth (or y and vy) in the profiles, and of all y and yaw_deg"
+        )
     lines += ["", f"uncertain, and marked in the files ({len(uncertain)}):", *(f"  {line}" for line in uncertain)] if uncertain else []
     lines += [f"missing: {line}" for line in proposal.missing]
     if report is not None:

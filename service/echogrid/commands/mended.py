@@ -55,7 +55,9 @@ def _moved(config: Config, before: Path, after: Path) -> dict[Keys, Any]:
         named |= {("radar", n, "dbc"): radar.dbc, ("radar", n, "profile"): radar.profile}
     named[("model",)] = config.model
     return {
-        path: relative_to(after, before / name) for path, name in named.items() if name is not None and name.endswith((".toml", ".dbc", ".onnx"))
+        path: relative_to(after, before / name)
+        for path, name in named.items()
+        if name is not None and name.endswith((".toml", ".dbc", ".onnx"))
     }
 
 

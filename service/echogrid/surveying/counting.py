@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import fastcrc
 
@@ -35,7 +36,7 @@ def counts_up(signal: Signal, values: Sequence[int]) -> float:
     if len(values) < LEAST or signal.length < 2 or signal.is_signed:
         return 0.0
     top = max(values)
-    ups = sum(b == a + 1 or (b in (0, 1) and a == top and top > 1) for a, b in zip(values, values[1:], strict=False))
+    ups = sum(b == a + 1 or (b in (0, 1) and a == top and top > 1) for a, b in pairwise(values))
     return ups / (len(values) - 1)
 
 

@@ -1,10 +1,11 @@
-"""How a radar's frames are put together to a cycle: which message is the header, what it counts, which is the last, what numbers the pages."""
+"""How a radar's frames are put together to a cycle: which message is the header, what it counts, which is last, what numbers the pages."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import can
 
@@ -153,15 +154,16 @@ def _detailed(shape: Shape, split: _Split, group: Group, splits: Sequence[_Split
 
 
 def _page(group: Group, cycles: Sequence[Sequence[can.Message]]) -> Signal | None:
-    """What numbers the frames of a cycle, from 0 or 1 on."""
+    """What numbers the frames of a cycle, from 0 or 1 on: it rises in every cycle, and most begin with the same number."""
     many = [frames for frames in cycles if len(frames) > 1]
     scored = []
     for signal in [s for s in group.plain if s in integers(group.messages[0])]:
-        for begin in (0, 1):
-            told = [_share(raw(signal, _payloads(frames, group)), range(begin, begin + len(frames))) for frames in many]
-            scored.append((sum(told) / max(len(told), 1), -begin, -signal.length, signal.name, signal))
-    best = max(scored, default=None)
-    return best[-1] if best is not None and best[0] >= PAGES else None
+        told = [raw(signal, _payloads(frames, group)) for frames in many]
+        rising = sum(all(a < b for a, b in pairwise(one)) for one in told) / max(len(told), 1)
+        begins = max((sum(one[0] == begin for one in told) / max(len(told), 1) for begin in (0, 1)), default=0.0)
+        if rising >= PAGES and begins >= AGREES:
+            scored.append((round(begins, 2), -signal.length, signal.name, signal))
+    return max(scored)[-1] if scored else None
 
 
 def _payloads(frames: Sequence[can.Message], group: Group) -> list[bytes]:
@@ -176,7 +178,11 @@ def _own_cycle(
     found = []
     for signal in [s for s in group.plain if s in integers(group.messages[0]) and s != page and 2 <= s.length <= counter.length]:
         mask = (1 << signal.length) - 1
-        pairs = [(value, number & mask) for frames, number in zip(cycles, numbers, strict=True) for value in raw(signal, _payloads(frames, group))]
+        pairs = [
+            (value, number & mask)
+            for frames, number in zip(cycles, numbers, strict=True)
+            for value in raw(signal, _payloads(frames, group))
+        ]
         share = sum(a == b for a, b in pairs) / max(len(pairs), 1)
         if share >= PAGES and len({b for _, b in pairs}) > 2:
             found.append((signal.length, share, signal))
@@ -193,7 +199,12 @@ def _frame_crc(group: Group, cycles: Sequence[Sequence[can.Message]]) -> tuple[s
 
 
 def _cycle_crc(
-    split: _Split, group: Group, cycles: Sequence[Sequence[can.Message]], payloads: Sequence[bytes], splits: Sequence[_Split], page: Signal | None
+    split: _Split,
+    group: Group,
+    cycles: Sequence[Sequence[can.Message]],
+    payloads: Sequence[bytes],
+    splits: Sequence[_Split],
+    page: Signal | None,
 ) -> tuple[str, str, str] | None:
     """A checksum over header and detection frames, in the header or in a message after them."""
     order = {message.frame_id: n for n, message in enumerate(group.messages)}
@@ -204,7 +215,9 @@ def _cycle_crc(
         data = _payloads(frames, group)
         if page is not None:
             return b"".join(payload for _, payload in sorted(zip(raw(page, data), data, strict=True)))
-        return b"".join(payload for _, payload in sorted(zip([f.arbitration_id - base for f in frames], data, strict=True), key=lambda one: one[0]))
+        return b"".join(
+            payload for _, payload in sorted(zip([f.arbitration_id - base for f in frames], data, strict=True), key=lambda one: one[0])
+        )
 
     usual = [n for n, frames in enumerate(cycles) if frames]
     summed = {n: joined(cycles[n]) for n in usual}

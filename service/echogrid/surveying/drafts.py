@@ -72,7 +72,9 @@ def radar_draft(group: Group, shape: Shape | None, dbc: Path) -> Draft:
     draft = Draft("radar", dbc)
     if shape is None:
         draft.tables["timeout_ms"] = 100.0
-        draft.remarks["timeout_ms",] = "how a cycle is put together could not be seen: give [header] or ends_with and frames (dbc/README.md)"
+        draft.remarks["timeout_ms",] = (
+            "how a cycle is put together could not be seen: give [header] or ends_with and frames (dbc/README.md)"
+        )
     else:
         if shape.frames is not None:
             draft.tables["frames"] = shape.frames
@@ -82,7 +84,7 @@ def radar_draft(group: Group, shape: Shape | None, dbc: Path) -> Draft:
             draft.remarks["ends_with" if shape.ends_with else "frames",] = f"{shape.agrees:.0%} of the cycles in the recording are so"
         if shape.header is not None:
             draft.tables["header"] = _header(shape, shape.header)
-    draft.tables["detections"] = detections = {"messages": group.name}
+    detections: dict[str, Any] = {"messages": group.name}
     if group.n is not None:
         detections["n"] = list(group.n)
     if shape is not None:
@@ -182,6 +184,8 @@ def motion_draft(signals: MotionSignals, dbc: Path, wheels: Sequence[bytes], tur
         if remark:
             draft.remarks["wheel_speeds", key] = remark
     draft.tables["wheel_speeds"] = table | _checked(signals.wheels, wheels)
+    if (way := next((s for s in integers(signals.wheels) if is_direction(s)), None)) is not None:
+        draft.remarks["wheel_speeds", "message"] = f"the car is taken to go forward; {way.name} may tell: see [direction] in dbc/README.md"
     table = {"message": signals.turning.name}
     table["yaw_rate"], remark = quantity(signals.yaw_rate, signals.yaw_rate.name, "turn rate")
     table["yaw_rate"] |= _validity(signals.turning, signals.yaw_rate, turning) | _sign_bit(signals.turning, signals.yaw_rate)
@@ -189,11 +193,6 @@ def motion_draft(signals: MotionSignals, dbc: Path, wheels: Sequence[bytes], tur
         draft.remarks["yaw_rate", "yaw_rate"] = remark
     draft.tables["yaw_rate"] = table | _checked(signals.turning, turning)
     return draft, turns
-
-
-def direction_of(message: Message) -> Signal | None:
-    """A signal that may say that the car goes back."""
-    return next((s for s in integers(message) if is_direction(s)), None)
 
 
 def _checked(message: Message, payloads: Sequence[bytes]) -> dict[str, Any]:

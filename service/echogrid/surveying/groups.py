@@ -45,7 +45,7 @@ class Group:
         """The first message's signals that are no detection's: pages, counters, checksums."""
         used = {self.roles[role].format(n=self.n[0] if self.n else 0, k=k) for role in self.roles for k in self._numbers}
         stems = {DIGITS.sub("#", name) for name in used} if self.per_frame > 1 else set()
-        return [s for s in self.messages[0].signals if s.name not in used and not (DIGITS.sub("#", s.name) in stems)]
+        return [s for s in self.messages[0].signals if s.name not in used and DIGITS.sub("#", s.name) not in stems]
 
     @property
     def _numbers(self) -> range:
@@ -90,9 +90,7 @@ def _numbers_radars(template: str, numbered: dict[int, Message], families: dict[
     if len(numbered) > MOST_RADARS:
         return False
     before = template.split("\0")[0]
-    return any(
-        other != template and other.split("\0")[0] == before and families[other].keys() == numbered.keys() for other in families
-    )
+    return any(other != template and other.split("\0")[0] == before and families[other].keys() == numbered.keys() for other in families)
 
 
 def _family(template: str, numbered: dict[int, Message]) -> Group | None:
@@ -133,13 +131,15 @@ def _in_one(message: Message, n: int | None = None) -> tuple[int, int, dict[str,
     numbers: dict[str, set[int]] = {}
     for signal in message.signals:
         role = detection_role(signal)
-        if role is None or signal.name in message.unread or signal.is_float and signal.length not in (32, 64):
+        if role is None or signal.name in message.unread or (signal.is_float and signal.length not in (32, 64)):
             continue
         template = _with_k(signal.name, n)
         named.setdefault(role, {}).setdefault(template, signal.name)
         if "{k" in template:
             numbers.setdefault(template, set()).add(_k_of(signal.name, n))
-    many = {template: sorted(found) for template, found in numbers.items() if len(found) > 1 and found == set(range(min(found), max(found) + 1))}
+    many = {
+        template: sorted(found) for template, found in numbers.items() if len(found) > 1 and found == set(range(min(found), max(found) + 1))
+    }
     rows = {(found[0], len(found)) for found in many.values()}
     for first_k, per_frame in sorted(rows, key=lambda row: -row[1]):
         roles = {
@@ -151,7 +151,9 @@ def _in_one(message: Message, n: int | None = None) -> tuple[int, int, dict[str,
         if per_frame <= MOST_IN_A_FRAME and (kept := _enough(roles)) is not None:
             return per_frame, first_k, kept
     single = {
-        role: _with_n(next(iter(templates.values())), n) for role, templates in named.items() if not any(template in many for template in templates)
+        role: _with_n(next(iter(templates.values())), n)
+        for role, templates in named.items()
+        if not any(template in many for template in templates)
     }
     kept = _enough(single)
     return None if kept is None else (1, 1, kept)
@@ -173,7 +175,7 @@ def _enough(roles: dict[str, str]) -> dict[str, str] | None:
 
 def _with_k(name: str, n: int | None) -> str:
     """With {k} for the last of its numbers that is not the message's."""
-    found = [digits for digits in DIGITS.finditer(name)]
+    found = list(DIGITS.finditer(name))
     if not found:
         return name
     last = found[-1]

@@ -1,8 +1,8 @@
 """Where radars sit and which signs are turned, by Doppler alone: each radar's own motion against the car's, over a drive with bends.
 
-A radar at (x, y) with the yaw a of a car with speed v and turn rate w moves with ((v - w y) + i w x) exp(-i a) in its own frame. So its motion is
-A v + B w, where A tells the yaw and the scale of the speed, B the place. A turned sign of azimuths, range rates or turn rate shows as a place that
-no radar has, or that looks inwards.
+A radar at (x, y) with the yaw a of a car with speed v and turn rate w moves with ((v - w y) + i w x) exp(-i a) in its own frame. So its
+motion is A v + B w: A tells the yaw and the scale of the speed, B the place. A turned sign of azimuths, range rates or turn rate shows as a
+place that no radar has, or that looks inwards.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ MIDDLE = 1.4  # m before the rear axle: what is ahead of it is a front radar's
 SIGN_PRICE, NAMED = 2.0, 6.0  # of each turned sign; of a name that says otherwise
 SURE = 4.0  # by how much the best explanation must be better
 INWARD = 0.15  # m from the outline to a radar
+BETTER = 0.4  # m: a place with a smaller sigma is better than the usual one
+MIRRORED = "by Doppler, which does not tell whether left and right are mirrored, and the names do not either"
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,15 +156,12 @@ def placed(told: Sequence[Seen | None], corners: Sequence[str | None], sure: boo
             yaw, about_place = usual.get(corner, 0.0), "a guess; measure it"
             about_yaw = "a guess: no Doppler tells it; drive 20 s at more than 3 m/s past standing things, with bends"
         else:
-            yaw = round(math.degrees(one.yaw), 1)
-            about_place = "the usual place; measure it"
+            yaw, about_place = round(math.degrees(one.yaw), 1), "the usual place; measure it"
             if not sure:
-                about_yaw = "by Doppler, but left and right may be mirrored: no bends, or no names, tell"
-            if one.bends:
-                about_place = f"the usual place, by Doppler x = {one.x:.1f}, y = {one.y:.1f} (±{one.sigma:.1f} m); measure it"
-                if abs(one.x - x) > 0.5 + 2 * one.sigma:
-                    x = round(min(max(one.x, -Body().rear_overhang), Body().length - Body().rear_overhang), 1)
-                    about_place = f"by Doppler (±{one.sigma:.1f} m); measure it"
+                about_yaw = MIRRORED
+            if one.sigma < BETTER:
+                x, y = _within(one.x, one.y)
+                about_place = f"by Doppler, ±{one.sigma:.1f} m; measure it"
         used[corner] = used.get(corner, 0) + 1
         label = corner if used[corner] == 1 else f"{corner}_{used[corner]}"
         out.append(Placed(label, x, y, yaw, about_place, about_yaw))
@@ -180,6 +179,13 @@ def _corner(one: Seen) -> str:
     if one.bends and abs(abs(degrees) - 90) < 40:
         return f"{'front' if one.x > MIDDLE else 'rear'}_{side}"
     return f"{'front' if abs(degrees) < 90 else 'rear'}_{side}"
+
+
+def _within(x: float, y: float) -> tuple[float, float]:
+    """The nearest place within the car's outline."""
+    body = Body()
+    half = body.width / 2
+    return round(min(max(x, -body.rear_overhang), body.length - body.rear_overhang), 1), round(min(max(y, -half), half), 1)
 
 
 def _nominal(corner: str) -> tuple[float, float]:

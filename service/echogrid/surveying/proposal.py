@@ -11,7 +11,7 @@ from echogrid.config.editing import literal
 from echogrid.judging.mending import Fix
 from echogrid.surveying.drafts import Draft, seen_from, unread_checksums
 from echogrid.surveying.heard import Channel
-from echogrid.surveying.senders import MotionSender, Sender
+from echogrid.surveying.senders import MotionSender
 from echogrid.surveying.survey import Survey
 
 UNCERTAIN = "  # uncertain: "
@@ -25,7 +25,10 @@ class Table:
     remarks: dict[str, str] = field(default_factory=dict)
 
     def lines(self) -> list[str]:
-        return [f"{key} = {literal(value)}" + (UNCERTAIN + self.remarks[key] if key in self.remarks else "") for key, value in self.values.items()]
+        return [
+            f"{key} = {literal(value)}" + (UNCERTAIN + self.remarks[key] if key in self.remarks else "")
+            for key, value in self.values.items()
+        ]
 
 
 @dataclass(slots=True)
@@ -65,7 +68,9 @@ class Proposal:
         for owner, changes in fix.profiles.items():
             table = by_name.get(owner, self.motion)
             draft = None if table is None else self.drafts.get(str(table.values["profile"]))
-            for (section, key, part), value in changes.items() if draft is not None else ():
+            for (section, key, part), value in changes.items():
+                if draft is None:
+                    break
                 draft.tables[str(section)][str(key)][str(part)] = value
                 draft.remarks[str(section), str(key)] = why
 
@@ -89,6 +94,8 @@ def propose(survey: Survey, log: Path, folder: Path, stem: str) -> Proposal:
         if id(draft) not in files:
             files[id(draft)] = f"{stem}_radar{len(files) + 1 if len(survey.drafts) > 1 else ''}.toml"
             drafts[files[id(draft)]] = draft
+    for draft in survey.skeletons:
+        drafts[f"{stem}_{draft.kind}.toml"] = draft
     motion = None
     if survey.motion is not None:
         motion = _motion(survey.motion, names, survey.radius, folder)
@@ -134,18 +141,25 @@ def _motion(sender: MotionSender, names: Mapping[str | int, str], radius: float 
 def _missing(survey: Survey) -> list[str]:
     """What a configuration needs and the recording or the DBCs do not give."""
     said = []
-    if survey.motion is None:
-        said.append(
-            "wheel speeds and yaw rate: no message of the DBCs, or of a shipped profile, looks like them; give the DBC that has them, "
-            "and a recording of its bus"
-        )
-    if not survey.radars:
-        said.append(
-            "radars: no message of the DBCs, or of a shipped profile, looks like detections with range, azimuth and range rate; "
-            "give the DBC that has them, and a recording of its bus"
-        )
-    told: dict[str, Sender] = {sender.draft.tables["detections"]["messages"]: sender for r in survey.radars if (sender := r.sender).draft is not None}
-    for sender in told.values():
-        if sender.group is not None and sender.shape is not None and (unread := unread_checksums(sender.group, sender.shape)):
-            said.append(f"the algorithm of {unread[0]}: no known one fits, so frames are taken unchecked (crc in dbc/README.md)")
+    have = {draft.kind for draft in survey.skeletons}
+    for kind, there, what, like in (
+        ("motion", survey.motion is not None, "wheel speeds and yaw rate", "them"),
+        ("radar", bool(survey.radars), "radars", "detections with range, azimuth and range rate"),
+    ):
+        if there:
+            continue
+        if kind in have:
+            said.append(
+                f"{what}: the DBC has signals like {like}, but the recording has no frames that fit; a skeleton of the profile is written"
+            )
+        else:
+            said.append(
+                f"{what}: no message of the DBCs or of a shipped profile looks like {like}; "
+                "give the DBC that has them, and a recording of its bus"
+            )
+    unread: dict[str, None] = {}
+    for sender in (radar.sender for radar in survey.radars):
+        if sender.group is not None and sender.shape is not None:
+            unread |= dict.fromkeys(unread_checksums(sender.group, sender.shape)[:1])
+    said += [f"the algorithm of {name}: no known one fits, so frames are taken unchecked (crc in dbc/README.md)" for name in unread]
     return said

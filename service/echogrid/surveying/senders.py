@@ -1,4 +1,4 @@
-"""Who sends what in a recording: profiles tried on the frames of each channel, at every offset of ids, and kept where scans come out whole."""
+"""Who sends what in a recording: profiles tried on each channel's frames, at every offset of ids, and kept where scans come out whole."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Source:
 
 @dataclass(slots=True, eq=False)
 class Sender:
-    """A radar in the recording. `profile`: of a shipped one its name, else None, and the draft is it. `share`: of its scans that are whole."""
+    """A radar in the recording. `profile`: of a shipped one its name, else None and a draft. `share`: of its scans that are whole."""
 
     channel: Channel
     shift: int
@@ -215,9 +215,14 @@ def motion_of(channels: Sequence[Channel], sources: Sequence[Source]) -> list[Mo
         for signals in motion_signals(source.database):
             ids = [moved(message, 0) for message in (signals.wheels, signals.turning)]
             for channel in channels:
-                if not all(channel.has(one) and channel.lengths[one] >= m.length for one, m in zip(ids, (signals.wheels, signals.turning), strict=True)):
+                if not all(
+                    channel.has(one) and channel.lengths[one] >= m.length
+                    for one, m in zip(ids, (signals.wheels, signals.turning), strict=True)
+                ):
                     continue
-                wheels, turning = ([bytes(f.data[: m.length]) for f in channel.of([moved(m, 0)])] for m in (signals.wheels, signals.turning))
+                wheels, turning = (
+                    [bytes(f.data[: m.length]) for f in channel.of([moved(m, 0)])] for m in (signals.wheels, signals.turning)
+                )
                 draft, radius = motion_draft(signals, source.path, wheels, turning)
                 profile = msgspec.convert(draft.document, MotionProfile)
                 motion = _decoded_motion(profile, Dbc(source.path, source.path), channel)

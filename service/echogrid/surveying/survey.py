@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,7 +14,8 @@ from echogrid.core.motion.se2 import SE2
 from echogrid.core.radar.mount import Mount
 from echogrid.judging.recorded import RadarTrack, Track, collect
 from echogrid.judging.values import speed_leaps, yaw_rate_leaps
-from echogrid.surveying.drafts import Draft
+from echogrid.surveying.drafts import Draft, motion_draft, motion_signals, radar_draft
+from echogrid.surveying.groups import groups_of
 from echogrid.surveying.heard import Channel
 from echogrid.surveying.mounts import Placed, Signs, placed, seen, signs_of
 from echogrid.surveying.senders import RADIUS, MotionSender, Sender, Source, motion_of, radars_of
@@ -22,6 +24,7 @@ from echogrid.surveying.words import corner_of
 MOST_TRIED = 8  # candidates for ego motion
 STILL = 0.2  # m/s: a speed that never exceeds it is none, or the car stood
 LEAPS = 0.05
+BEND = 0.05  # rad/s
 DEGREES = 1.5  # rad/s and rad: values beyond are degrees
 ANYWHERE = Mount(SE2(0.0, 0.0, 0.0), np.pi, 1e3)
 ROUND_FOV, LEAST_FOV = 10.0, 20.0  # deg
@@ -38,7 +41,10 @@ class Radar:
 
 @dataclass(slots=True, eq=False)
 class Survey:
-    """What was found. `motion`: None where nothing is like it. `radius` (m): of the wheels, where their profile needs one."""
+    """What was found. `motion`: None where nothing is like it. `radius` (m): of the wheels, where their profile needs one.
+
+    `first_bend`: s from the begin, and degrees, left is positive; None where there is none.
+    """
 
     channels: tuple[Channel, ...]  # those that something is read of
     radars: tuple[Radar, ...]
@@ -46,6 +52,8 @@ class Survey:
     radius: float | None
     signs: Signs
     drafts: dict[str, Draft]  # by the kind of their owners
+    first_bend: tuple[float, float] | None
+    skeletons: tuple[Draft, ...]  # of what the DBCs have, and the recording does not show
 
 
 def survey(channels: Sequence[Channel], sources: Sequence[Source]) -> Survey:
@@ -70,11 +78,33 @@ def survey(channels: Sequence[Channel], sources: Sequence[Source]) -> Survey:
     radius = round(RADIUS * scale, 3) if motion is not None and motion.radius else None
     found = [Radar(s, m, _fov(r)) for s, m, r in zip(senders, mounts, radars, strict=True)]
     found.sort(key=lambda one: ORDER.index(one.mount.name) if one.mount.name in ORDER else len(ORDER))
-    used = {one.channel.name for one in (*senders, *([motion] if motion is not None else []))}
-    return Survey(tuple(c for c in channels if c.name in used), tuple(found), motion, radius, signs, drafts)
+    used = {one.channel.name for one in senders} | ({motion.channel.name} if motion is not None else set())
+    return Survey(
+        tuple(c for c in channels if c.name in used),
+        tuple(found),
+        motion,
+        radius,
+        signs,
+        drafts,
+        _first_bend(yaw_rate, signs.turn),
+        skeletons(sources, bool(found), motion),
+    )
 
 
 ORDER = ("front_left", "front_right", "rear_left", "rear_right")
+
+
+def skeletons(sources: Sequence[Source], radars: bool, motion: MotionSender | None) -> tuple[Draft, ...]:
+    """Profiles whose signals are those of the DBCs, where no frames of them could be read."""
+    found = []
+    groups = [(group, source.path) for source in sources for group in groups_of(source.database)]
+    if not radars and groups:
+        group, path = max(groups, key=lambda one: len(one[0].messages) * one[0].per_frame)
+        found.append(radar_draft(group, None, path))
+    signals = [(one, source.path) for source in sources for one in motion_signals(source.database)[:1]]
+    if motion is None and signals:
+        found.append(motion_draft(*signals[0], (), ())[0])
+    return tuple(found)
 
 
 def _kind(sender: Sender) -> str:
@@ -144,6 +174,20 @@ def _in_metres(motion: MotionSender, speed: Track, radars: Sequence[RadarTrack],
     for key in ("rear_left", "rear_right"):
         draft.tables["wheel_speeds"][key]["unit"] = "km/h"
     return replace(speed, value=speed.value / 3.6)
+
+
+def _first_bend(yaw_rate: Track, sign: int) -> tuple[float, float] | None:
+    """When it begins, s from the first sample, and by how many degrees it turns."""
+    turning = np.flatnonzero(np.abs(yaw_rate.value) > BEND)
+    while len(turning):
+        first = int(turning[0])
+        same = np.sign(yaw_rate.value[first:]) == np.sign(yaw_rate.value[first])
+        end = first + (int(np.argmin(same)) if not same.all() else len(same))
+        angle = float(np.trapezoid(yaw_rate.value[first:end], yaw_rate.time[first:end]))
+        if abs(angle) > math.radians(15):
+            return float(yaw_rate.time[first] - yaw_rate.time[0]), sign * math.degrees(angle)
+        turning = turning[turning >= end]
+    return None
 
 
 def _turn(draft: Draft, keys: Sequence[str], sign: int) -> None:

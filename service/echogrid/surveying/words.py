@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 
 from echogrid.can.database import Signal
 
@@ -103,7 +104,12 @@ def wheel_of(signal: Signal) -> str | None:
 def is_yaw_rate(signal: Signal) -> bool:
     """Whether it is the car's turn rate."""
     said, unit = set(tokens(signal.name)), unit_of(signal)
-    if signal.length < 8 or unit not in (None, "rad/s", "deg/s") or said & (NO_VALUE - {"z", "no"}) or said & {"trlr", "trailer", "rq", "req"}:
+    if (
+        signal.length < 8
+        or unit not in (None, "rad/s", "deg/s")
+        or said & (NO_VALUE - {"z", "no"})
+        or said & {"trlr", "trailer", "rq", "req"}
+    ):
         return False
     turning = bool(said & YAW) or (bool(said & {"gyro", "omega", "angular"}) and "z" in said)
     return turning and (unit is not None or bool(said & YAW_RATE))
@@ -148,18 +154,21 @@ def corner_of(name: str) -> str | None:
             return f"{'rear' if word == 'rr' else 'front'}_{'left' if after == 'l' else 'right'}"
         if word in CORNERS:
             return CORNERS[word]
-    for one, other in zip(words, words[1:], strict=False):
+    for one, other in pairwise(words):
         for pair in ((one, other), (other, one)):
             end = "rear" if pair[0] in REAR - {"r", "b"} or pair == ("r", "l") else "front" if pair[0] in FRONT - {"v"} else None
             side = "left" if pair[1] in LEFT else "right" if pair[1] in RIGHT else None
             if end and side:
                 return f"{end}_{side}"
-    ends = {"rear" for word in words if word in {"rear", "hinten", "back"}} | {"front" for word in words if word in {"front", "vorn", "vorne"}}
-    sides = {"left" for word in words if word in LEFT - {"l", "le", "lt"}} | {"right" for word in words if word in RIGHT - {"r", "ri", "rt"}}
+    ends = {"rear" for word in words if word in {"rear", "hinten", "back"}} | {
+        "front" for word in words if word in {"front", "vorn", "vorne"}
+    }
+    sides = {"left" for word in words if word in LEFT - {"l", "le", "lt"}} | {
+        "right" for word in words if word in RIGHT - {"r", "ri", "rt"}
+    }
     return f"{ends.pop()}_{sides.pop()}" if len(ends) == len(sides) == 1 else None
 
 
 CORNERS = {
-    "fl": "front_left", "fr": "front_right", "rl": "rear_left", "rr": "rear_right", "lf": "front_left", "rf": "front_right",
-    "lr": "rear_left", "vl": "front_left", "vr": "front_right", "hl": "rear_left", "hr": "rear_right", "bl": "rear_left", "br": "rear_right",
-}  # fmt: skip
+    f"{end}{side}": f"{'front' if end in 'fv' else 'rear'}_{'left' if side == 'l' else 'right'}" for end in "fvrhb" for side in "lr"
+} | {"lf": "front_left", "rf": "front_right", "lr": "rear_left"}
