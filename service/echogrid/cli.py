@@ -19,23 +19,24 @@ from echogrid.watching import journal
 
 
 def main() -> None:
-    """Exits with 0, or with 1 and one sentence on stderr."""
+    """Exits with 0, or with another code and one sentence on stderr."""
     arguments = _parser().parse_args()
     journal.configure(arguments.log_level)
     try:
         arguments.command(arguments)
     except EchogridError as error:
-        _give_up(str(error))
+        _give_up(str(error), error.exit_code)
     except OSError as error:  # a full disk, a folder that may not be written
         _give_up(f"{error.filename or 'the operating system says'}: {error.strerror or error}")
     except KeyboardInterrupt:
         sys.exit(130)
 
 
-def _give_up(sentence: str) -> NoReturn:
+def _give_up(sentence: str, exit_code: int = 1) -> NoReturn:
     """The program's last words, an error in the journal too."""
     text = f"echogrid: {sentence}"
-    sys.exit(journal.prefixed(text, logging.ERROR) if journal.to_journal() else text)
+    sys.stderr.write((journal.prefixed(text, logging.ERROR) if journal.to_journal() else text) + "\n")
+    sys.exit(exit_code)
 
 
 def _parser() -> argparse.ArgumentParser:

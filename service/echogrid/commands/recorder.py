@@ -21,7 +21,6 @@ from echogrid.maps.map_files import write_map
 from echogrid.pipeline import Pipeline
 
 TRAJECTORY_STEP_NS = 20_000_000
-FILES = ("map.npz", "map.pgm", "map.yaml", "map.png", "trajectory.csv")
 
 
 @dataclass(slots=True)
@@ -58,18 +57,21 @@ class Recorder:
         return update
 
     def write(self, out: Path, truth: Truth | None, faults: Sequence[str] = (), notes: Sequence[str] = ()) -> dict[str, Any]:
-        """Ends the last cycle and writes all files into a folder, which is made; returns the summary, with what the recording is like."""
+        """Ends the last cycle and writes all files into a folder, which is made; returns the summary, with what the recording is like.
+
+        Where no cycle was mapped, that is the summary alone.
+        """
         self.pipeline.mapper.end_cycle()
         out.mkdir(parents=True, exist_ok=True)
-        digest = write_map(out, self.pipeline.mapper.map, self.trajectory)
+        digest, written = write_map(out, self.pipeline.mapper.map, self.trajectory) if self.pipeline.health.cycles else (None, [])
         if self.first_s is not None:
             self.states.look(self.last_s - self.first_s, self.pipeline.state(0))
         summary = self._summary(digest, truth) | {"faults": list(faults), "notes": list(notes)}
-        summary["files"] = sorted({*(name for name in FILES if (out / name).is_file()), "summary.json"})
+        summary["files"] = sorted([*written, "summary.json"])
         (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
         return summary
 
-    def _summary(self, digest: str, truth: Truth | None) -> dict[str, Any]:
+    def _summary(self, digest: str | None, truth: Truth | None) -> dict[str, Any]:
         health = self.pipeline.health
         cycle_ms = np.array(self.cycle_s or [0.0]) * 1e3
         state = self.pipeline.state(0)

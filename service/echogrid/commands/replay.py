@@ -15,7 +15,7 @@ from echogrid.commands.state_log import StateLog
 from echogrid.commands.terminal import progress
 from echogrid.commands.traffic import Traffic
 from echogrid.config.loading import load_config
-from echogrid.errors import EchogridError
+from echogrid.errors import EchogridError, NoMapError
 from echogrid.logs.drive import Drive, Truth, find_drive, load_truth
 from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
@@ -62,8 +62,8 @@ def replay(
     `record`: also write an MCAP file. `store`: also write the map's tiles into this file, which may already hold other maps.
 
     A torn recording is mapped up to where it breaks off, and one with parts that cannot be understood without them; the files are written,
-    then EchogridError is raised. A recording with no id that the configuration knows, or that gives no map, is refused with an
-    EchogridError, and nothing is written. `faults` in the summary is what is wrong with the times, `notes` what else is worth a word.
+    then EchogridError is raised. A recording with no id that the configuration knows is refused with NoMapError, and nothing is written;
+    of one that gives no map the summary is written before. `faults` in the summary is what is wrong with the times, `notes` what else is worth a word.
     """
     config = load_config(drive.config, model)
     pipeline = Pipeline(config, drive.config)
@@ -95,16 +95,20 @@ def replay(
         if pipeline.health.unknown_frames == pipeline.health.frames - pipeline.health.bad_frames:
             if recording is not None:
                 recording.discard()
-            raise torn or EchogridError(_nothing_known(drive, pipeline, traffic))
+            raise torn or NoMapError(_nothing_known(drive, pipeline, traffic))
         faults = log.times.faults() + traffic.coarse(log.times)
         pipeline.mapper.end_cycle()
         if not pipeline.health.cycles:
             if recording is not None:
                 recording.discard()
-            raise torn or EchogridError(f"{drive.log}: no map came of it: {'; '.join(faults) or _why_none(pipeline, traffic)}")
+            if torn is not None:
+                raise torn
+            why = "; ".join(faults) or _why_none(pipeline, traffic)
+            recorder.write(out, truth, faults, [*log.account.notes, *log.times.notes(), *traffic.strangers()])
+            raise NoMapError(f"{drive.log}: no map came of it: {why}")
         if keeper is not None and torn is None:
             _flush(keeper)  # before the log is read, so that no frame has to wait
-        summary = recorder.write(out, truth, faults, log.account.notes + log.times.notes())
+        summary = recorder.write(out, truth, faults, log.account.notes + log.times.notes() + traffic.strangers())
         if keeper is not None and torn is None:
             _flush(keeper)
     if torn is not None:
