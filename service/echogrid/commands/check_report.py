@@ -127,8 +127,8 @@ def _others(listener: Listener, most: int) -> list[tuple[tuple[str, tuple[int, b
     return unread[:most]
 
 
-def render(report: Report, name: str) -> str:
-    """The report as lines of text; `name`: of what was checked."""
+def render(report: Report, title: str) -> str:
+    """The report as lines of text; `title`: what was checked."""
     health, recorded = report.listener.health, report.recorded
     lines = [f"{health.frames} frames in {report.times.seconds:.1f} s, {health.unknown_frames} of other ids, "]
     lines[0] += f"{health.bad_frames} bad, {health.lost_frames} missing by their counters"
@@ -174,5 +174,5 @@ def render(report: Report, name: str) -> str:
         lines.append(f"[{finding.code}] {finding.sentence} ({finding.confidence:.0%} sure; {finding.rests_on})")
         lines += [f"    mend: {line}" for line in fixes]
     lines += [f"not judged [{one.code}]: {one.sentence}" for one in report.judgement.undecided]
-    lines.append(f"{name}: " + (f"{len(report.findings)} mistakes found" if report.findings else "nothing wrong was found"))
+    lines.append(f"{title}: " + (f"{len(report.findings)} mistakes found" if report.findings else "nothing wrong was found"))
     return "\n".join(lines)

@@ -63,7 +63,8 @@ def replay(
 
     A torn recording is mapped up to where it breaks off, and one with parts that cannot be understood without them; the files are written,
     then EchogridError is raised. A recording with no id that the configuration knows is refused with NoMapError, and nothing is written;
-    of one that gives no map the summary is written before. `faults` in the summary is what is wrong with the times, `notes` what else is worth a word.
+    of one that gives no map the summary is written before. `faults` in the summary is what is wrong with the times, `notes` what else is
+    worth a word.
     """
     config = load_config(drive.config, model)
     pipeline = Pipeline(config, drive.config)
