@@ -69,7 +69,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog="Exit code: 0 if the state is ok, 1 without an answer, 2 in any other state.",
     )
     status.add_argument("--endpoint", default=Publish().listen[0], help="where the service listens (default: %(default)s)")
-    status.add_argument("--vehicle", default="car", help="as in its configuration (default: %(default)s)")
+    status.add_argument("--vehicle", help="as in its configuration (default: the one that is there)")
     status.add_argument(
         "--tls", type=Path, nargs=3, metavar=("CA", "CERTIFICATE", "KEY"), help="PEM files of a viewer, for an endpoint tls/HOST:PORT"
     )
