@@ -19,6 +19,7 @@ from echogrid.config.tables import Publish
 from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.map.occupancy import OccupancyMap
 from echogrid.core.mapper import MapUpdate
+from echogrid.core.motion.error_filter import Certainty
 from echogrid.core.motion.odometry import EgoState
 from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
@@ -33,6 +34,7 @@ from echogrid.topics.poses import decode_odometry, decode_transforms
 from echogrid.topics.topic import DETECTIONS, DIAGNOSTICS, KEY, ODOMETRY, STATUS, TOPICS, TRANSFORM, TRINARY, Message
 
 MS = 1_000_000
+CERTAINTY = Certainty(np.array([[4.0, 1.0, 0.1], [1.0, 9.0, 0.2], [0.1, 0.2, 0.25]]), np.array([[0.5, 0.1], [0.1, 0.75]]))
 EMPTY = SimpleNamespace(map=OccupancyMap(GridSpec(16, 0.25)), epoch=3)  # all that is asked of a Mapper
 
 
@@ -43,7 +45,7 @@ def pipeline(tmp_path: Path) -> Pipeline:
 
 
 def updated(stamp_ns: int, pose: SE2, points: np.ndarray) -> MapUpdate:
-    return MapUpdate(EgoState(stamp_ns, pose, -1.5, 0.25), points)
+    return MapUpdate(EgoState(stamp_ns, pose, -1.5, 0.25), points, CERTAINTY)
 
 
 @given(st.lists(st.integers(-20, 20), min_size=40, max_size=40), st.sampled_from((5.0, 10.0, 20.0)))
@@ -66,6 +68,9 @@ def test_what_is_said_of_the_car_is_the_updates(pipeline: Pipeline) -> None:
     assert (odometry.frame, odometry.child_frame, odometry.speed, odometry.yaw_rate) == ("odom", "base", -1.5, 0.25)
     assert (transform.frame, transform.child_frame, transform.pose) == ("odom", "base", odometry.pose)
     assert (odometry.pose.x, odometry.pose.y, odometry.pose.yaw) == pytest.approx((1.0, 2.0, 0.5))
+    place, motion = odometry.pose_covariance, odometry.twist_covariance
+    assert place[0, 0] == 4 and place[0, 1] == place[1, 0] == 1 and place[5, 5] == 0.25 and place[1, 5] == 0.2 and not place[2:5].any()
+    assert motion[0, 0] == 0.5 and motion[5, 5] == 0.75 and motion[0, 5] == motion[5, 0] == 0.1 and not motion[1:5].any()
     detections = decode_points(told[DETECTIONS].payload)
     assert detections.frame == "base"
     np.testing.assert_allclose(detections.points, [[1.5, -2.0, 0], [30.0, 0.25, 0]])

@@ -75,8 +75,9 @@ class MotionReader:
                 reverse = raw in self.profile.direction.reverse
         if frame_id == self.wheel_id:
             rear = self.wheels.read([payload])
-            speed = (float(rear["rear_left"][0]) + float(rear["rear_right"][0])) / 2 * self.metres_per_unit
-            motion.append(Speed(received_ns - self.wheel_latency_ns, -speed if reverse else speed))
+            left, right = float(rear["rear_left"][0]), float(rear["rear_right"][0])
+            scale = -self.metres_per_unit if reverse else self.metres_per_unit
+            motion.append(Speed(received_ns - self.wheel_latency_ns, (left + right) / 2 * scale, difference=(right - left) * scale))
         if frame_id == self.yaw_id:
             yaw_rate = float(self.yaw_rate.read([payload])["yaw_rate"][0]) - self.yaw_rate_bias
             motion.append(YawRate(received_ns - self.yaw_latency_ns, yaw_rate))

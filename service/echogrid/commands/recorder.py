@@ -98,6 +98,7 @@ class Recorder:
             "detections": health.detections,
             "static_detections": health.static_detections,
             "distance_m": round(self.pipeline.mapper.odometry.distance, 2),
+            "learned": self.pipeline.mapper.odometry.errors.learned(),
             "cycle_ms": {
                 "p50": round(float(np.percentile(cycle_ms, 50)), 3),
                 "p99": round(float(np.percentile(cycle_ms, 99)), 3),

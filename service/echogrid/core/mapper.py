@@ -14,7 +14,9 @@ from echogrid.core.evidence.raster import GridSpec, Image
 from echogrid.core.health import Health
 from echogrid.core.map.tiled_map import Shelf, TiledMap, View
 from echogrid.core.messages import EgoMotion, Floats, RadarScan
+from echogrid.core.motion.error_filter import Certainty, ErrorFilter
 from echogrid.core.motion.odometry import EgoState, Odometry
+from echogrid.core.radar.doppler_errors import DopplerErrors
 from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
 from echogrid.core.radar.static_gate import GateNoise, beside_movers, deviation
@@ -28,10 +30,12 @@ Infer = Callable[[Surroundings], Image]  # what one update says about the cells 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapUpdate:
-    """One cycle: where the car was at the newest scan, and the static detections (N, 2) in base that went into the map."""
+    """One cycle: where the car was at the newest scan, the static detections (N, 2) in base that went into the map, and how well the car's
+    motion is known."""
 
     ego: EgoState
     static_points: Floats  # (N, 2) m, base frame at `ego.stamp_ns`
+    certainty: Certainty
 
 
 class Mapper:
@@ -51,7 +55,9 @@ class Mapper:
         noise: GateNoise,
         cycle_ns: int,
         max_age_ns: int,
+        errors: ErrorFilter | None = None,
     ) -> None:
+        """`errors`: what is known of the motion sensors' errors; None: nothing so far."""
         self.mounts = mounts
         self.infer = infer
         self.map = occupancy
@@ -60,7 +66,8 @@ class Mapper:
         self.cycle_ns = cycle_ns
         self.max_age_ns = max_age_ns
         self.watch = Watch(mounts, health.sensors, noise)
-        self.odometry = Odometry()
+        self.odometry = Odometry(ErrorFilter(tuple(mounts)) if errors is None else errors)
+        self.doppler = DopplerErrors()
         self.history = History()
         self.pending: list[RadarScan] = []
         self.newest_ns: dict[str, int] = {}  # stamp of each sensor's newest scan
@@ -107,12 +114,13 @@ class Mapper:
         return self.end_cycle()
 
     def end_cycle(self) -> MapUpdate | None:
-        """Predict, doubt, gate, remember, infer, integrate: what the pending scans say goes into the map, if it takes one from here."""
+        """Predict, doubt, learn, gate, remember, infer, integrate: what the pending scans say goes into the map, if it takes one from here."""
         placed = self._trusted(self._place(self.pending))
         self.pending = []
         if not placed:
             return None
         ego = max((one.ego for one in placed), key=lambda ego: ego.stamp_ns)
+        self.doppler.add(placed, self.odometry.errors, self.noise)
         found = self._detections(placed, ego)
         standing = found.deviation <= self.noise.sigmas
         static = found.chosen(standing & ~beside_movers(found.points, ~standing, self.noise))
@@ -128,13 +136,14 @@ class Mapper:
             self.map.integrate(said, ego.odom_from_base, view)
         self.health.tiles_forgotten = self.map.forgotten
         self.watch.mapped_ns = max(one.scan.received_ns for one in placed)
-        return MapUpdate(ego, static.points)
+        return MapUpdate(ego, static.points, self.odometry.errors.certainty(ego.speed, ego.yaw_rate))
 
     def _start_new_map(self, why: str) -> None:
         """Another map: where the car is in the old one is not known any more."""
         self.map.clear()
         self.history = History()
         self.odometry.restart()
+        self.doppler.restart()
         self.pending = []
         self.newest_ns.clear()
         self.cycle_end_ns = None

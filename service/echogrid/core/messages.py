@@ -45,6 +45,7 @@ class Speed:
     stamp_ns: int
     speed: float  # m/s
     continues: bool = True  # False: by the sender's counter, time has jumped since the last sample
+    difference: float = 0.0  # m/s by which the right rear wheel is faster than the left one
 
 
 @dataclass(frozen=True, slots=True)

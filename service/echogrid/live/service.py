@@ -93,6 +93,7 @@ class Service:
             "dropped_frames": self.receiving.queue.dropped,
             "dropped_motion": self.receiving.queue.dropped_motion,
             "store": None if self.keeper is None else asdict(self.keeper.status),
+            "learned": self.pipeline.mapper.odometry.errors.learned(),
             "recording": None if self.recorder is None else asdict(self.recorder.recording),
             "rss_mib": resident_mib(),
             **asdict(health),

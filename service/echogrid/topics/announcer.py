@@ -20,7 +20,7 @@ from echogrid.topics.diagnostic_array import encode_diagnostics
 from echogrid.topics.diagnostics import diagnostics
 from echogrid.topics.grids import Grid, GridUpdate, encode_grid, encode_update
 from echogrid.topics.points import Points, encode_points
-from echogrid.topics.poses import Odometry, Transform, encode_odometry, encode_transforms
+from echogrid.topics.poses import Odometry, Transform, encode_odometry, encode_transforms, spread
 from echogrid.topics.topic import (
     DETECTIONS,
     DIAGNOSTICS,
@@ -95,7 +95,9 @@ class Announcer:
         def message(topic: Topic, payload: bytes, keyframe: int = 0) -> Message:
             return Message(topic, payload, stamp_ns, epoch, keyframe)
 
-        odometry = Odometry(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base, ego.speed, ego.yaw_rate)
+        known = snapshot.update.certainty
+        covariances = spread(known.pose, (0, 1, 5)), spread(known.motion, (0, 5))
+        odometry = Odometry(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base, ego.speed, ego.yaw_rate, *covariances)
         yield message(ODOMETRY, encode_odometry(odometry))
         transform = Transform(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base)
         yield message(TRANSFORM, encode_transforms((transform,)))
