@@ -96,7 +96,7 @@ def test_turn_rates_of_wheels_need_the_tyres_radius_and_sentinels_are_no_speeds(
     message = cantools.database.load_file(dbc.path, strict=False).get_message_by_name("WheelSpeed")
     rates = {signal.name: 0 for signal in message.signals} | {"WhlRl_W_Meas": 20.0, "WhlRr_W_Meas": 22.0}
     (speed,) = motion.add(frame(message.frame_id, message.encode(rates, strict=False), 1.0), 1)
-    assert speed == Speed(1, pytest.approx(21 * 0.33))
+    assert speed == Speed(1, pytest.approx(21 * 0.33), difference=pytest.approx(2 * 0.33))
     for raw in (32766, 32767):
         unknown = message.encode(rates | {"WhlRl_W_Meas": raw * 0.01}, strict=False)
         with pytest.raises(ValueError, match="invalid"):
@@ -142,7 +142,7 @@ def test_no_number_is_no_motion(tmp_path: Path) -> None:
         '[yaw_rate]\nmessage = "Y"\nyaw_rate = { signal = "Rate", unit = "rad/s" }\n'
     )
     motion = MotionReader(load_motion(path), Dbc(tmp_path / "float.dbc", path), Motion(bus="can0"), Health())
-    assert motion.add(frame(1, np.array((2.0, 4.0), dtype="<f4").tobytes(), 1.0), 1) == [Speed(1, 3.0)]
+    assert motion.add(frame(1, np.array((2.0, 4.0), dtype="<f4").tobytes(), 1.0), 1) == [Speed(1, 3.0, difference=2.0)]
     for identifier, values in ((1, (2.0, math.nan)), (2, (math.nan,))):
         with pytest.raises(ValueError, match="invalid"):
             motion.add(frame(identifier, np.array(values, dtype="<f4").tobytes(), 1.0), 2)

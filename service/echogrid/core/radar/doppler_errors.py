@@ -43,7 +43,7 @@ class DopplerErrors:
         count = len(errors.mean)
         information, vector = np.zeros((count, count)), np.zeros(count)
         for one in moving:
-            rows = _rows(errors, one.scan.sensor)
+            rows = rows_of(errors, one.scan.sensor)
             slope, left, weight = equations(one, errors, noise)
             weighted = slope * weight[:, None]
             information[np.ix_(rows, rows)] += weighted.T @ slope
@@ -51,17 +51,18 @@ class DopplerErrors:
         errors.see(information, vector)
 
 
-def _rows(errors: ErrorFilter, radar: str) -> NDArray[np.intp]:
+def rows_of(errors: ErrorFilter, radar: str) -> NDArray[np.intp]:
+    """The errors that bend this radar's range rates, by their places in the filter."""
     own = errors.places[radar]
     return np.array((SCALE, BIAS, TURN_SCALE, DELAY, own + YAW, own + STRETCH, own + RATE))
 
 
 def equations(one: PlacedScan, errors: ErrorFilter, noise: GateNoise) -> tuple[Floats, Floats, Floats]:
-    """Of each detection the derivatives of its range rate by the errors (N, 7), in the order of `_rows`; what the estimated errors leave of
+    """Of each detection the derivatives of its range rate by the errors (N, 7), in the order of `rows_of`; what the estimated errors leave of
     it (N,) m/s; and its weight (N,), an inverse variance, 0 for what does not stand.
     """
     scan, place, ego = one.whole, one.mount.base_from_sensor, one.ego
-    rows = _rows(errors, scan.sensor)
+    rows = rows_of(errors, scan.sensor)
     scale, bias, turn_scale, delay, yaw, stretch, rate = errors.mean[rows].tolist()
     wheels, gyro = ego.speed / (1.0 + errors.scale), ego.yaw_rate + errors.bias
     speed = wheels * (1.0 + scale) + delay * errors.acceleration
