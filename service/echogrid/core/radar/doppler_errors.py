@@ -17,7 +17,7 @@ PERIOD_NS = 200_000_000  # scans that follow sooner only repeat what was said
 SLOWEST = 1.0  # m/s: of a slower car nothing is learned
 LEAST, MOST = 5, 10  # detections of a scan: fewer are not used, more count as so many
 CORRELATED = 6.0  # scans that are worth one: what disturbs one disturbs its neighbours
-DISTORTED = 0.08  # rad: azimuth errors as a radome makes them, which no number of detections averages out
+DISTORTED = 0.15  # rad: azimuth errors as a radome makes them, which no number of detections averages out
 SLIPPING = 0.33  # m/s²: an acceleration at which wheels slip about as much as they are off otherwise
 
 
