@@ -114,7 +114,7 @@ class Mapper:
         return self.end_cycle()
 
     def end_cycle(self) -> MapUpdate | None:
-        """Predict, doubt, learn, gate, remember, infer, integrate: what the pending scans say goes into the map, if it takes one from here."""
+        """Predict, doubt, learn, gate, remember, infer, integrate: what the pending scans say goes into the map, if it takes any here."""
         placed = self._trusted(self._place(self.pending))
         self.pending = []
         if not placed:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.support.driven import MOUNTS, STEP, Driven, Errors, follow, town
 
 from echogrid.core.motion import error_model as model
 from echogrid.core.motion.error_filter import WINDOW, ErrorFilter
 from echogrid.core.motion.odometry import Odometry
-from tests.support.driven import MOUNTS, STEP, Driven, Errors, follow, town
 
 DEGREE = math.radians(1.0)
 KNOWN = Errors(0.02, 0.5 * DEGREE, 0.004, 1.48, 0.006, (1.2 * DEGREE, -0.8 * DEGREE, 0.5 * DEGREE, -1.5 * DEGREE), (0.04, -0.03, 0.0, 0.05))
@@ -100,7 +101,9 @@ def test_the_poses_covariance_is_that_of_its_errors() -> None:
     for seed in range(20):
         rng = np.random.default_rng(100 + seed)
         yaws = tuple(rng.normal(0.0, 1.5 * DEGREE, 4).tolist())
-        errors = Errors(*(rng.normal(0.0, sigma) for sigma in (0.01, 0.4 * DEGREE, 0.006)), rng.normal(1.55, 0.08), rng.normal(0.0, 0.01), yaws)
+        errors = Errors(
+            *(rng.normal(0.0, sigma) for sigma in (0.01, 0.4 * DEGREE, 0.006)), rng.normal(1.55, 0.08), rng.normal(0.0, 0.01), yaws
+        )
         drive = Driven(*town(16.0, seed), errors, seed=seed, detections=12)
         odometry = follow(drive)
         end = odometry.states[-1]
@@ -142,6 +145,22 @@ def test_a_new_map_begins_at_a_known_pose_and_keeps_what_was_learned() -> None:
     odometry.restart()
     assert not odometry.errors.certainty(0.0, 0.0).pose.any()
     assert (odometry.errors.mean[model.POSE :] == before[model.POSE :]).all()
+
+
+def test_the_next_drive_of_the_car_begins_with_what_is_known_of_it() -> None:
+    """Track and uneven wheels are known by then, so that another bias is found in seconds."""
+    errors = KNOWN
+    first = follow(Driven(*town(90.0), errors, seed=11))
+    again = ErrorFilter(tuple(MOUNTS))
+    again.recall(first.errors.keep())
+    drive = Driven(*town(12.0, seed=1), replace(errors, bias=errors.bias + 0.1 * DEGREE), seed=12)
+    cold, warm = follow(drive), follow(drive, errors=again)
+    ends = [odometry.states[-1].odom_from_base for odometry in (cold, warm)]
+    off = [math.hypot(end.x - drive.way[-1, 0], end.y - drive.way[-1, 1]) for end in ends]
+    assert off[1] < off[0] / 2
+    value, sigma = found(warm, model.BIAS)
+    assert abs(value - errors.bias - 0.1 * DEGREE) < 2.5 * sigma
+    assert sigma < found(cold, model.BIAS)[1]
 
 
 def test_creeping_with_wheels_at_0_makes_the_heading_unsure() -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.support.driven import MOUNTS
 
 from echogrid.core.messages import RadarScan
 from echogrid.core.motion.error_filter import ErrorFilter
@@ -15,7 +16,6 @@ from echogrid.core.motion.se2 import IDENTITY
 from echogrid.core.radar.doppler_errors import DopplerErrors, equations, rows_of
 from echogrid.core.radar.placed_scan import PlacedScan
 from echogrid.core.radar.static_gate import GateNoise, static_range_rate
-from tests.support.driven import MOUNTS
 
 NOISE = GateNoise()
 EGO = EgoState(1_000_000_000, IDENTITY, 9.0, 0.3)

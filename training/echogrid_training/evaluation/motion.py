@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from echogrid.core.motion.error_filter import Learns
+from echogrid.core.motion.error_filter import Kept, Learns
 from echogrid_training.evaluation.recorded.reckoning import Score, hear, reckon, score
 from echogrid_training.evaluation.tables.table import markdown
 from echogrid_training.recording import Track, untracked
@@ -34,17 +34,20 @@ HALF, MOST = (1.386, 0.455), (5.991, 3.841)  # of chi-squared with 2 and 1 degre
 def add_motion_arguments(parser: argparse.ArgumentParser) -> None:
     """What `run_motion` reads."""
     parser.add_argument("drives", type=Path, nargs="+", metavar="DRIVE", help="folders of drives with true poses")
+    parser.add_argument("--one-car", action="store_true", help="each drive begins with what the one before has taught of the car")
 
 
 def run_motion(options: argparse.Namespace, track: Track = untracked) -> str:
     """The table in Markdown, and what it comes to. Raises EchogridError."""
     rows, scores = [], list[tuple[Score, ...]]()
+    kept: Kept | None = None
     for folder in track(options.drives, "drives"):
         heard = hear(folder)
-        reckoned = [reckon(heard, learns) for learns in WAYS]
+        reckoned = [reckon(heard, learns, kept if learns == "driving" else None) for learns in WAYS]
+        kept = reckoned[-1].kept if options.one_car else None
         each = tuple(score(one, heard.truth) for one in reckoned)
         scores.append(each)
-        raw, stops, learned = each
+        raw, learned = each[0], each[-1]
         known = reckoned[-1].learned
         rows.append(
             (
@@ -74,7 +77,8 @@ def summary(scores: Sequence[tuple[Score, ...]]) -> str:
     )
     return (
         f"RMSE per 100 m, median: raw {np.median(raw):.2f} m, stops {np.median(stops):.2f} m, learned {np.median(learned):.2f} m. "
-        f"Learned / raw: median {np.median(ratios):.2f}, worst {max(ratios):.2f}; in the second half {np.median(later):.2f}, {max(later):.2f}. "
+        f"Learned / raw: median {np.median(ratios):.2f}, worst {max(ratios):.2f}; "
+        f"in the second half {np.median(later):.2f}, {max(later):.2f}. "
         f"Within the 50 % and the 95 % band: {within}."
     )
 

@@ -33,11 +33,19 @@ class Certainty:
     motion: Floats
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Kept:
+    """Mean (E,) and covariance (E, E) of all errors but the pose's, as they were at the end of a drive."""
+
+    mean: Floats
+    covariance: Floats
+
+
 class ErrorFilter:
     """Remembers mean and covariance of all errors (core/motion/error_model.py) together with those of the pose.
 
-    A Kalman filter. What is learned holds from then on: the pose itself is never moved (it drifts, it never jumps), so the mean of its error
-    says how far it is off by now, and `certainty` counts that in. Of scale and bias only what is surely not 0 is taken off.
+    A Kalman filter. What is learned holds from then on: the pose itself is never moved (it drifts, it never jumps), so the mean of its
+    error says how far it is off by now, and `certainty` counts that in. Of scale and bias only what is surely not 0 is taken off.
     """
 
     def __init__(self, radars: Sequence[str], learns: Learns = "driving") -> None:
@@ -61,6 +69,16 @@ class ErrorFilter:
         self.covariance[:, :POSE] = 0.0
         self._leg, self._smooth, self._unseen = None, None, 0.0
         self._window.clear()
+
+    def keep(self) -> Kept:
+        """For another drive of the same car."""
+        return Kept(self.mean[POSE:].copy(), self.covariance[POSE:, POSE:].copy())
+
+    def recall(self, kept: Kept) -> None:
+        """At the begin of a drive: what was kept of the last one. Since then the errors have wandered."""
+        self.mean[POSE:] = kept.mean
+        self.covariance[POSE:, POSE:] = kept.covariance + model.resting(len(self.radars))[POSE:, POSE:]
+        self.scale, self.bias = self._sure(SCALE), self._sure(BIAS)
 
     def corrected(self, speed: float, yaw_rate: float) -> tuple[float, float]:
         """m/s and rad/s of wheels and gyro without what they are surely off by."""

@@ -31,9 +31,10 @@ class EgoState:
 class Odometry:
     """Remembers the newest speed and yaw rate, and the states of the last `history` seconds.
 
-    Each sample ends an arc on which speed and yaw rate have the mean of their values at its ends, without what `errors` knows them to be off
-    by. While the wheels stand, yaw is frozen. Before both were seen once there is no pose. A value of one kind is held for `max_hold` after its last sample, then there is no pose until it is back. A silence longer than
-    `max_gap` is not bridged: the pose stays where it was, and `gaps` counts it.
+    Each sample ends an arc on which speed and yaw rate have the mean of their values at its ends, without what `errors` knows them to be
+    off by. While the wheels stand, yaw is frozen. Before both were seen once there is no pose. A value of one kind is held for `max_hold`
+    after its last sample, then there is no pose until it is back. A silence longer than `max_gap` is not bridged: the pose stays where it
+    was, and `gaps` counts it.
     """
 
     def __init__(

@@ -17,7 +17,7 @@ PERIOD_NS = 200_000_000  # scans that follow sooner only repeat what was said
 SLOWEST = 1.0  # m/s: of a slower car nothing is learned
 LEAST, MOST = 5, 10  # detections of a scan: fewer are not used, more count as so many
 CORRELATED = 6.0  # scans that are worth one: what disturbs one disturbs its neighbours
-DISTORTED = 0.15  # rad: azimuth errors as a radome makes them, which no number of detections averages out
+DISTORTED = 0.1  # rad: azimuth errors as a radome makes them, which no number of detections averages out
 SLIPPING = 0.33  # m/s²: an acceleration at which wheels slip about as much as they are off otherwise
 
 
@@ -58,8 +58,8 @@ def rows_of(errors: ErrorFilter, radar: str) -> NDArray[np.intp]:
 
 
 def equations(one: PlacedScan, errors: ErrorFilter, noise: GateNoise) -> tuple[Floats, Floats, Floats]:
-    """Of each detection the derivatives of its range rate by the errors (N, 7), in the order of `rows_of`; what the estimated errors leave of
-    it (N,) m/s; and its weight (N,), an inverse variance, 0 for what does not stand.
+    """Of each detection the derivatives of its range rate by the errors (N, 7), in the order of `rows_of`; what the estimated errors leave
+    of it (N,) m/s; and its weight (N,), an inverse variance, 0 for what does not stand.
     """
     scan, place, ego = one.whole, one.mount.base_from_sensor, one.ego
     rows = rows_of(errors, scan.sensor)

@@ -12,7 +12,7 @@ from echogrid.can.signals import SignalReader, bus_of
 from echogrid.config.loading import load_config
 from echogrid.core.health import Health
 from echogrid.core.messages import EgoMotion, Floats, RadarScan
-from echogrid.core.motion.error_filter import ErrorFilter, Learns
+from echogrid.core.motion.error_filter import ErrorFilter, Kept, Learns
 from echogrid.core.motion.odometry import Odometry
 from echogrid.core.radar.doppler_errors import DopplerErrors
 from echogrid.core.radar.mount import Mount
@@ -44,6 +44,7 @@ class Reckoned:
     poses: Floats
     covariances: Floats
     learned: dict[str, float]
+    kept: Kept
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +76,11 @@ def hear(folder: Path) -> Heard:
     return Heard(folder.name, items, {radar.name: radar.mount() for radar in config.radar}, config.gate.noise(), truth)
 
 
-def reckon(heard: Heard, learns: Learns) -> Reckoned:
-    """As the service reckons, cycle by cycle; every radar is trusted, and there is no map."""
+def reckon(heard: Heard, learns: Learns, kept: Kept | None = None) -> Reckoned:
+    """As the service reckons, cycle by cycle; every radar is trusted, and there is no map. `kept`: of the car's drive before."""
     errors = ErrorFilter(tuple(heard.mounts), learns)
+    if kept is not None:
+        errors.recall(kept)
     odometry, doppler = Odometry(errors), DopplerErrors()
     waiting: list[RadarScan] = []
     end_ns, stamps, poses, covariances = 0, list[int](), list[tuple[float, float, float]](), list[Floats]()
@@ -98,7 +101,7 @@ def reckon(heard: Heard, learns: Learns) -> Reckoned:
             covariances.append(errors.certainty(newest.speed, newest.yaw_rate).pose)
     if not stamps:
         raise EchogridError(f"{heard.name}: has no ego motion")
-    return Reckoned(np.array(stamps), np.array(poses), np.array(covariances), errors.learned())
+    return Reckoned(np.array(stamps), np.array(poses), np.array(covariances), errors.learned(), errors.keep())
 
 
 def score(reckoned: Reckoned, truth: Truth) -> Score:
