@@ -12,6 +12,8 @@ LONGEST = 1.0  # s: after a longer silence, or jump, the sender has restarted
 GAIN = 0.05  # share of the lag that is taken for jitter and drift
 STEPS = 1000.0  # whose mean the period is
 REGULAR = 0.2  # of the period: a step that differs by more does not count for it
+LATELY, FEWEST = 2.0, 20  # s and steps after which their median and mean may say that the period is another
+WAITED = 1.0  # s in which frames that waited catch up: what looked left out was a stall of who stamps them
 
 
 class Cadence:
@@ -29,6 +31,9 @@ class Cadence:
         self._period = 0.0  # s; 0 before it is known
         self._steps = 1.0
         self._last: tuple[int, int] | None = None  # number, ns
+        self._lately: list[float] = []  # s, the last steps
+        self._left_out = 0  # periods of late without a frame that the counter does not tell
+        self._left_out_ns = 0
 
     def add(self, number: int, received_ns: int) -> None:
         last, self._last = self._last, (number, received_ns)
@@ -44,18 +49,36 @@ class Cadence:
             self._first += [elapsed / counted] if elapsed > 0 else []
             self._period = median(self._first) if len(self._first) == FIRST else 0.0
             return
+        self._lately.append(elapsed / counted)
         rounds, off = divmod(round(elapsed / self._period) - counted + 1, self.size)
-        if off <= 2:  # the counter went round while frames were lost, or back where two came in the wrong order
-            counted += rounds * self.size
-        skipped = round(elapsed / self._period) - counted
-        if 0 < skipped <= UNCOUNTED:
-            counted += skipped
+        assumed = rounds * self.size if off <= 2 else 0  # the counter went round while frames were lost, or back: two in the wrong order
+        skipped = round(elapsed / self._period) - counted - assumed
+        assumed += skipped if 0 < skipped <= UNCOUNTED else 0
+        counted += assumed
+        if assumed > 0:
+            self._left_out, self._left_out_ns = self._left_out + assumed, received_ns
+        if (received_ns - self._left_out_ns) * NS > WAITED:
+            self._left_out = 0
         if counted <= 0:
             self.missing = 0
         lag = self.lag + elapsed - counted * self._period
+        early = min(round(-lag / self._period), self._left_out)
+        if early > 0:  # no frame comes before it is sent
+            self._left_out -= early
+            lag += early * self._period
         if abs(lag) < JUMP:
             lag -= lag * GAIN
             if counted > 0 and (abs(elapsed / counted - self._period) < REGULAR * self._period or self._steps < 3):
                 self._steps = min(self._steps + 1.0, STEPS)
                 self._period += (elapsed / counted - self._period) / self._steps
         self.lag = lag if abs(lag) < LONGEST else 0.0
+        self._correct_period()
+
+    def _correct_period(self) -> None:
+        """The first steps may have been a stall: median and mean of the last ones must not both say otherwise."""
+        if len(self._lately) < FEWEST or sum(self._lately) < LATELY:
+            return
+        mean, middle = sum(self._lately) / len(self._lately) / self._period, median(self._lately) / self._period
+        if min(mean, middle) > 1 + REGULAR or max(mean, middle) < 1 - REGULAR:
+            self._period, self._steps, self.lag = mean * self._period, 1.0, 0.0
+        self._lately.clear()

@@ -19,6 +19,7 @@ from echogrid.core.messages import EgoMotion, Speed, YawRate
 from echogrid.errors import EchogridError
 
 FrameId = tuple[int, bool]
+CATCH_UP_NS = 250_000_000  # after a jump of time, for frames that waited
 
 
 class MotionReader:
@@ -91,13 +92,14 @@ class MotionReader:
 
 
 class _FrameCheck:
-    """Length, checksum and counter of one message; remembers the counter."""
+    """Length, checksum and counter of one message; remembers the counter, and a jump of time that may be a stall of who stamps the frames."""
 
     def __init__(self, dbc: Dbc, message: Message, counter: str | None, crc: FrameCrc | None, key: str) -> None:
         self.length = message.length
         self.counter = dbc.integer(message, counter, f"{key}.counter") if counter else None
         self.crc: Checksum | None = dbc.checksum(message, crc.signal, crc.algorithm, f"{key}.crc", crc.data_ids) if crc else None
         self.last: int | None = None
+        self._jumped: tuple[int, float] | None = None  # when, and the lag before
         self.cadence = Cadence(self.counter.length) if self.counter is not None else None
 
     @property
@@ -117,13 +119,25 @@ class _FrameCheck:
         return payload
 
     def accept(self, payload: bytes, received_ns: int) -> bool:
-        """Takes the counter over; False where time has jumped since the last frame."""
+        """Takes the counter over; False where time has jumped since an earlier frame, and not been caught up with.
+
+        An adapter that stamps frames in a process stamps those that waited for it late, all at once: then nothing has jumped.
+        """
         if self.counter is None or self.cadence is None:
             return True
         self.last = self.counter.raw(payload)
         before = self.cadence.lag
         self.cadence.add(self.last, received_ns)
-        return abs(self.cadence.lag - before) < JUMP
+        if self._jumped is None and abs(self.cadence.lag - before) >= JUMP:
+            self._jumped = received_ns, before
+        if self._jumped is None:
+            return True
+        since_ns, lag = self._jumped
+        caught_up = abs(self.cadence.lag - lag) < JUMP
+        goes_on = caught_up or received_ns - since_ns < CATCH_UP_NS
+        if caught_up or not goes_on:
+            self._jumped = None
+        return goes_on
 
 
 def _id(message: Message) -> FrameId:

@@ -17,11 +17,13 @@ APART = 0.3  # how far a guess's two equations must be from one another, as thei
 
 
 class DopplerMotion(NamedTuple):
-    """`support`: share of the detections that it explains, less the two that any guess explains."""
+    """`support`: share of the detections that it explains, less the two that any guess explains. `breadth`: how far their directions in base
+    differ, 1 less the length of their mean unit vector: 0 all in one direction, 0.02 over ±20°, 0.1 over ±45°, 1 all around."""
 
     speed: float  # m/s of base along x
     yaw_rate: float  # rad/s
     support: float
+    breadth: float = 1.0
 
 
 def doppler_motion(scans: Sequence[tuple[RadarScan, Mount]]) -> DopplerMotion | None:
@@ -45,8 +47,10 @@ def doppler_motion(scans: Sequence[tuple[RadarScan, Mount]]) -> DopplerMotion | 
     chosen = agreeing[best]
     left = _residual(slope, rate, interval, guesses[[best]])[0]
     refined = guesses[best] + np.linalg.lstsq(slope[chosen], left[chosen], rcond=None)[0]
-    support = np.count_nonzero(np.abs(_residual(slope, rate, interval, refined[None])) < TOLERANCE)
-    return DopplerMotion(float(refined[0]), float(refined[1]), (support - 2) / (len(rate) - 2))
+    explained = np.abs(_residual(slope, rate, interval, refined[None]))[0] < TOLERANCE
+    bearing = np.concatenate([scan.azimuth + mount.base_from_sensor.yaw for scan, mount in scans])[explained]
+    breadth = 1.0 - float(np.abs(np.exp(1j * bearing).mean())) if len(bearing) else 0.0
+    return DopplerMotion(float(refined[0]), float(refined[1]), (np.count_nonzero(explained) - 2) / (len(rate) - 2), breadth)
 
 
 def _slope(azimuth: Floats, mount: Mount) -> Floats:
