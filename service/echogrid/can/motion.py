@@ -88,11 +88,13 @@ class MotionReader:
         continues = check.accept(payload, received_ns)
         self.health.lost_frames += check.missing
         self.reverse = reverse
+        if continues is None:
+            return []
         return motion if continues else [replace(sample, continues=False) for sample in motion]
 
 
 class _FrameCheck:
-    """Length, checksum and counter of one message; remembers the counter, and a jump of time that may be a stall of who stamps the frames."""
+    """Length, checksum and counter of one message; remembers the counter, and a jump of time that may be a stall of the frames' stamps."""
 
     def __init__(self, dbc: Dbc, message: Message, counter: str | None, crc: FrameCrc | None, key: str) -> None:
         self.length = message.length
@@ -118,8 +120,8 @@ class _FrameCheck:
             raise ValueError("repeated counter")
         return payload
 
-    def accept(self, payload: bytes, received_ns: int) -> bool:
-        """Takes the counter over; False where time has jumped since an earlier frame, and not been caught up with.
+    def accept(self, payload: bytes, received_ns: int) -> bool | None:
+        """Takes the counter over; False where time has jumped since an earlier frame, None while that is not known.
 
         An adapter that stamps frames in a process stamps those that waited for it late, all at once: then nothing has jumped.
         """
@@ -134,10 +136,10 @@ class _FrameCheck:
             return True
         since_ns, lag = self._jumped
         caught_up = abs(self.cadence.lag - lag) < JUMP
-        goes_on = caught_up or received_ns - since_ns < CATCH_UP_NS
-        if caught_up or not goes_on:
-            self._jumped = None
-        return goes_on
+        if not caught_up and received_ns - since_ns < CATCH_UP_NS:
+            return None
+        self._jumped = None
+        return caught_up
 
 
 def _id(message: Message) -> FrameId:

@@ -17,8 +17,8 @@ APART = 0.3  # how far a guess's two equations must be from one another, as thei
 
 
 class DopplerMotion(NamedTuple):
-    """`support`: share of the detections that it explains, less the two that any guess explains. `breadth`: how far their directions in base
-    differ, 1 less the length of their mean unit vector: 0 all in one direction, 0.02 over ±20°, 0.1 over ±45°, 1 all around."""
+    """`support`: share of the detections that it explains, less the two that any guess explains. `breadth`: how far their directions in
+    base differ, 1 less the length of their mean unit vector: 0 all in one direction, 0.02 over ±20°, 0.1 over ±45°, 1 all around."""
 
     speed: float  # m/s of base along x
     yaw_rate: float  # rad/s

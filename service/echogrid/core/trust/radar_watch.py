@@ -52,7 +52,7 @@ class RadarWatch:
         self._heard = self._window = _counters(health)  # counters at `heard_ns`, and when the running window began
         self._window_ns: int | None = None
         self._longest_ns = 0  # silence in the running window, which is spoken of while it lasts
-        self._missed = 0  # scans in the running window, by their counter, but for that silence
+        self._lost = self._lost_then = 0  # scans lost in the running window but for that silence, and in it
         self._usual_rate = 0.0  # complete scans in a second
         self._last: RadarScan | None = None
         self._repeated = 0
@@ -72,26 +72,26 @@ class RadarWatch:
         self._wild += (wild - self._wild) * (1.0 - math.exp(-step / SHORT))
         if not WILD / 2 < self._wild < WILD:
             self.doubt("wild", self._wild >= WILD, f"broken: {self._wild:.0%} of its values are out of range")
-        self.heard_ns, self._heard = now_ns, _counters(self.health)
+        before, self.heard_ns, self._heard = self._heard, now_ns, _counters(self.health)
         if self._window_ns is None:
             self._begin_window(now_ns)
             return
+        lost = max(sum(self._heard[key] - before[key] for key in ("incomplete", "late", "bad_crc")), scan.missed)
         if away_ns > max(self._longest_ns, SILENT_NS):
-            self._longest_ns = away_ns
-        else:
-            self._missed += scan.missed
+            self._longest_ns, self._lost_then, lost = away_ns, lost, self._lost_then
+        self._lost += lost
         seconds = (now_ns - self._window_ns - self._longest_ns) * NS
         if seconds >= WINDOW_NS * NS:
             complete = self._heard["complete"] - self._window["complete"]
-            lost = max(sum(self._heard[key] - self._window[key] for key in ("incomplete", "late", "bad_crc")), self._missed)
-            share = complete / max(self._usual_rate * seconds, complete + lost)
+            share = complete / max(self._usual_rate * seconds, complete + self._lost)
             self.scarce = f"only {share:.0%} of its scans come whole{self._losses(self._window)}" if share < SCARCE else None
             if self.scarce is None:
                 self._usual_rate = max(complete / seconds, 0.9 * self._usual_rate)
             self._begin_window(now_ns)
 
     def _begin_window(self, now_ns: int) -> None:
-        self._window_ns, self._window, self._longest_ns, self._missed = now_ns, self._heard, 0, 0
+        self._window_ns, self._window = now_ns, self._heard
+        self._longest_ns = self._lost = self._lost_then = 0
 
     def look(self, scan: RadarScan, speed: float) -> None:
         """A scan that was placed, with its detections at any distance, and the car's speed."""
