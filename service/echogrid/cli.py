@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import math
 import sys
 from pathlib import Path
 from typing import NoReturn
@@ -53,14 +54,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FILE.mcap|BAG",
         help="record frames and all that is published, into a new file or, as a ROS 2 bag, a new folder; in one that exists named by time",
     )
-    run.add_argument(
-        "--foxglove",
-        type=_address,
-        nargs="?",
-        const=(LOOPBACK, PORT),
-        metavar="[HOST:]PORT",
-        help="a live view for Foxglove (default: 127.0.0.1:8765)",
-    )
+    _foxglove(run)
     run.set_defaults(command=_run)
 
     status = commands.add_parser(
@@ -91,6 +85,9 @@ def _parser() -> argparse.ArgumentParser:
     replay.add_argument("-c", "--config", type=Path, help="default: the drive folder's echogrid.toml")
     replay.add_argument("--out", type=Path, default=Path("out/replay"), help="folder for map, trajectory and summary (default: out/replay)")
     replay.add_argument("--realtime", action="store_true", help="at the bus's pace instead of as fast as possible")
+    replay.add_argument("--publish", action="store_true", help="at the bus's pace through the service, and out over Zenoh as `run` would")
+    replay.add_argument("--speed", type=_speed, metavar="TIMES", help="with --publish: so many times the bus's pace (default: 1)")
+    _foxglove(replay)
     replay.add_argument(
         "--record",
         type=Path,
@@ -190,6 +187,28 @@ def _seconds(text: str) -> float:
     return seconds
 
 
+def _foxglove(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--foxglove",
+        type=_address,
+        nargs="?",
+        const=(LOOPBACK, PORT),
+        metavar="[HOST:]PORT",
+        help="a live view for Foxglove (default: 127.0.0.1:8765)",
+    )
+
+
+def _speed(text: str) -> float:
+    """How many times as fast."""
+    try:
+        speed = float(text)
+    except ValueError:
+        speed = math.nan
+    if not 0.01 <= speed <= 1000:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a speed, expected a number from 0.01 to 1000")
+    return speed
+
+
 def _address(text: str) -> tuple[str, int]:
     """Host and port; on this machine alone unless another host is written out."""
     host, colon, port = text.rpartition(":")
@@ -213,8 +232,17 @@ def _status(arguments: argparse.Namespace) -> None:
 
 
 def _replay(arguments: argparse.Namespace) -> None:
+    from echogrid.commands import publish
     from echogrid.commands.replay import command
 
+    if arguments.publish:
+        speed, options = arguments.speed or 1.0, {name: getattr(arguments, name) for name in ("model", "record", "store", "foxglove")}
+        if not publish.command(arguments.drive, arguments.config, arguments.out, speed=speed, **options):
+            sys.exit(3)
+        return
+    for option in ("speed", "foxglove"):
+        if getattr(arguments, option) is not None:
+            raise EchogridError(f"--{option}: needs --publish")
     if not command(
         arguments.drive,
         arguments.config,

@@ -68,7 +68,7 @@ def replay(
     """
     config = load_config(drive.config, model)
     pipeline = Pipeline(config, drive.config)
-    truth = _truth(drive, say)
+    truth = true_poses(drive, say)
     log = Log(drive.log)
     recorder = Recorder(pipeline, states=StateLog(say))
     torn: EchogridError | None = None
@@ -96,7 +96,7 @@ def replay(
         if pipeline.health.unknown_frames == pipeline.health.frames - pipeline.health.bad_frames:
             if recording is not None:
                 recording.discard()
-            raise torn or NoMapError(_nothing_known(drive, pipeline, traffic))
+            raise torn or NoMapError(nothing_known(drive, pipeline, traffic))
         faults = log.times.faults() + traffic.coarse(log.times)
         pipeline.mapper.end_cycle()
         if not pipeline.health.cycles:
@@ -104,7 +104,7 @@ def replay(
                 recording.discard()
             if torn is not None:
                 raise torn
-            why = "; ".join(faults) or _why_none(pipeline, traffic)
+            why = "; ".join(faults) or why_none(pipeline, traffic)
             recorder.write(out, truth, faults, [*log.account.notes, *log.times.notes(), *traffic.strangers()])
             raise NoMapError(f"{drive.log}: no map came of it: {why}")
         if keeper is not None and torn is None:
@@ -131,7 +131,7 @@ def _wait(timestamp: float, recorder: Recorder) -> None:
             time.sleep(ahead)
 
 
-def _truth(drive: Drive, say: Callable[[str], None] | None) -> Truth | None:
+def true_poses(drive: Drive, say: Callable[[str], None] | None) -> Truth | None:
     """The true poses; None, and a word, where the file is another program's."""
     try:
         return load_truth(drive.truth)
@@ -141,7 +141,7 @@ def _truth(drive: Drive, say: Callable[[str], None] | None) -> Truth | None:
         return None
 
 
-def _nothing_known(drive: Drive, pipeline: Pipeline, traffic: Traffic) -> str:
+def nothing_known(drive: Drive, pipeline: Pipeline, traffic: Traffic) -> str:
     expected = sorted({f"0x{frame_id:X}" for _, (frame_id, _) in pipeline.signals.readers})
     found = sorted({frame_id for _, _, (frame_id, _) in traffic.unread})[:8]
     why = "; ".join(traffic.strangers()) or (
@@ -150,6 +150,6 @@ def _nothing_known(drive: Drive, pipeline: Pipeline, traffic: Traffic) -> str:
     return f"{drive.log}: none of its {pipeline.health.frames} frames is one that {drive.config} knows: {why}"
 
 
-def _why_none(pipeline: Pipeline, traffic: Traffic) -> str:
+def why_none(pipeline: Pipeline, traffic: Traffic) -> str:
     scans = sum(sensor.complete for sensor in pipeline.health.sensors.values())
     return "; ".join([f"it has {scans} complete scans and {traffic.motion} frames of ego motion", *traffic.strangers()])
