@@ -18,7 +18,7 @@ from zenoh.handlers import RingChannel
 from echogrid.errors import EchogridError
 from echogrid.topics.diagnostic_array import DiagnosticArray, decode_diagnostics
 from echogrid.topics.grids import Grid, decode_grid, decode_update
-from echogrid.topics.points import Points, decode_points
+from echogrid.topics.points import JudgedPoints, Points, decode_judged, decode_points
 from echogrid.topics.poses import decode_odometry
 from echogrid.topics.topic import (
     ALIVE,
@@ -26,6 +26,7 @@ from echogrid.topics.topic import (
     DIAGNOSTICS,
     FLEET,
     FULL,
+    JUDGED,
     KEY,
     META,
     ODOMETRY,
@@ -40,7 +41,7 @@ from echogrid.zenoh.fleet import decompress
 from echogrid.zenoh.follower import Follower, KeyName, MapName, Window
 from echogrid.zenoh.publisher import EXAMPLE, key, reason, session_config
 
-__all__ = ["Client", "Credentials", "DiagnosticArray", "MapName", "Points", "Pose", "Window", "vehicles"]
+__all__ = ["Client", "Credentials", "DiagnosticArray", "JudgedPoints", "MapName", "Points", "Pose", "Window", "vehicles"]
 
 OTHERS = 0.5  # s in which further vehicles may show up after the first
 POLL = 0.005  # s: a channel waits without a time-out, so it is looked at; 200 looks a second cost about 1 % of a core
@@ -127,6 +128,10 @@ class Client:
     def detections(self, timeout: float = 1.0) -> Points | None:
         """The radars' static detections that the newest update of the map was made of, in base."""
         return self._newest(DETECTIONS, lambda sample: decode_points(bytes(sample.payload)), timeout)
+
+    def judged(self, timeout: float = 1.0) -> JudgedPoints | None:
+        """All detections of the trusted radars that the newest update was made of, in base: by which radar, and whether they were used."""
+        return self._newest(JUDGED, lambda sample: decode_judged(bytes(sample.payload)), timeout)
 
     def status(self, timeout: float = 2.0) -> dict[str, Any] | None:
         """The service's state; it is sent about once a second."""

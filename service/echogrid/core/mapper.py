@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,22 @@ Infer = Callable[[Surroundings], Image]  # what one update says about the cells 
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Judged:
+    """All detections of the trusted radars in one cycle, in the order of the scans, and what the gate said of each."""
+
+    points: Floats  # (N, 2) m, base frame
+    radars: NDArray[np.uint8]  # (N,) number of the radar in the configuration
+    verdicts: NDArray[np.uint8]  # (N,) STATIC, MOVING or BESIDE
+
+    STATIC: ClassVar[int] = 0  # went into the map
+    MOVING: ClassVar[int] = 1  # by its range rate
+    BESIDE: ClassVar[int] = 2  # seems to stand, but lies beside some that move: dropped with them
+
+
+NOTHING_JUDGED = Judged(np.zeros((0, 2)), np.zeros(0, np.uint8), np.zeros(0, np.uint8))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class MapUpdate:
     """One cycle: where the car was at the newest scan, the static detections (N, 2) in base that went into the map, and how well the car's
     motion is known."""
@@ -36,6 +53,7 @@ class MapUpdate:
     ego: EgoState
     static_points: Floats  # (N, 2) m, base frame at `ego.stamp_ns`
     certainty: Certainty
+    judged: Judged = NOTHING_JUDGED  # all detections, those among them
 
 
 class Mapper:
@@ -123,7 +141,8 @@ class Mapper:
         self.doppler.add(placed, self.odometry.errors, self.noise)
         found = self._detections(placed, ego)
         standing = found.deviation <= self.noise.sigmas
-        static = found.chosen(standing & ~beside_movers(found.points, ~standing, self.noise))
+        beside = beside_movers(found.points, ~standing, self.noise)
+        static = found.chosen(standing & ~beside)
         self.health.cycles += 1
         self.health.static_detections += len(static)
         view = self._view(placed, ego.stamp_ns)
@@ -136,7 +155,8 @@ class Mapper:
             self.map.integrate(said, ego.odom_from_base, view)
         self.health.tiles_forgotten = self.map.forgotten
         self.watch.mapped_ns = max(one.scan.received_ns for one in placed)
-        return MapUpdate(ego, static.points, self.odometry.errors.certainty(ego.speed, ego.yaw_rate))
+        certainty = self.odometry.errors.certainty(ego.speed, ego.yaw_rate)
+        return MapUpdate(ego, static.points, certainty, self._judged(placed, found, standing, beside))
 
     def _start_new_map(self, why: str) -> None:
         """Another map: where the car is in the old one is not known any more."""
@@ -194,6 +214,12 @@ class Mapper:
             origins = np.broadcast_to((now_from_sensor.x, now_from_sensor.y), in_sensor.shape)
             parts.append(Detections(now_from_sensor.apply(in_sensor), origins, one.scan.rcs, one.deviation))
         return Detections.joined(parts)
+
+    def _judged(self, placed: list[PlacedScan], found: Detections, standing: NDArray[np.bool_], beside: NDArray[np.bool_]) -> Judged:
+        numbers = {name: number for number, name in enumerate(self.mounts)}
+        radars = np.repeat(np.array([numbers[one.scan.sensor] for one in placed], np.uint8), [len(one.scan) for one in placed])
+        verdicts = np.where(standing, np.where(beside, Judged.BESIDE, Judged.STATIC), Judged.MOVING).astype(np.uint8)
+        return Judged(found.points, radars, verdicts)
 
     def _beams(self, placed: list[PlacedScan], now: EgoState) -> Beams:
         """Their static detections as far as the map reaches, which may be farther than a network is shown."""

@@ -16,15 +16,17 @@ from echogrid.core.map.map_delta import NOTHING, Rectangle, around, changed, key
 from echogrid.core.map.tile import SIDE
 from echogrid.core.map.tiled_map import FREE, OCCUPIED, LogOdds
 from echogrid.core.mapper import Mapper, MapUpdate
+from echogrid.core.messages import Floats
 from echogrid.topics.diagnostic_array import encode_diagnostics
 from echogrid.topics.diagnostics import diagnostics
 from echogrid.topics.grids import Grid, GridUpdate, encode_grid, encode_update
-from echogrid.topics.points import Points, encode_points
+from echogrid.topics.points import JudgedPoints, Points, encode_judged, encode_points
 from echogrid.topics.poses import Odometry, Transform, encode_odometry, encode_transforms, spread
 from echogrid.topics.topic import (
     DETECTIONS,
     DIAGNOSTICS,
     FULL,
+    JUDGED,
     KEY,
     META,
     ODOMETRY,
@@ -101,9 +103,10 @@ class Announcer:
         yield message(ODOMETRY, encode_odometry(odometry))
         transform = Transform(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base)
         yield message(TRANSFORM, encode_transforms((transform,)))
-        points = np.zeros((len(snapshot.update.static_points), 3), dtype=np.float32)
-        points[:, :2] = snapshot.update.static_points
-        yield message(DETECTIONS, encode_points(Points(stamp_ns, CAR_FRAME, points)))
+        judged = snapshot.update.judged
+        yield message(DETECTIONS, encode_points(Points(stamp_ns, CAR_FRAME, on_the_ground(snapshot.update.static_points))))
+        all_points = JudgedPoints(stamp_ns, CAR_FRAME, on_the_ground(judged.points), judged.radars, judged.verdicts)
+        yield message(JUDGED, encode_judged(all_points))
         seen = occupancy_percent(snapshot.log_odds)
         key = key_window(snapshot.window)
         cells = seen[key.within(snapshot.seen)]
@@ -146,6 +149,11 @@ class Announcer:
     def _grid(self, stamp_ns: int, window: Rectangle, cells: NDArray[np.int8]) -> bytes:
         cell = self.config.grid.cell
         return encode_grid(Grid(stamp_ns, MAP_FRAME, cell, (window.column * cell, window.row * cell), cells))
+
+
+def on_the_ground(points: Floats) -> NDArray[np.float32]:
+    """(N, 2) as (N, 3) with z = 0."""
+    return np.pad(points.astype(np.float32), ((0, 0), (0, 1)))
 
 
 def occupancy_percent(log_odds: LogOdds) -> NDArray[np.int8]:
