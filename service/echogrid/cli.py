@@ -1,4 +1,4 @@
-"""The command line: `echogrid run | status | replay | check | init | map | demo`; what they do is in `commands`.
+"""The command line: `echogrid run | status | view | replay | check | init | map | demo`; what they do is in `commands`.
 
 A command is imported where it is run: `--help` need not wait for Zenoh and ONNX Runtime.
 """
@@ -71,6 +71,8 @@ def _parser() -> argparse.ArgumentParser:
     status.add_argument("--json", action="store_true", help="print it as published, one line each")
     status.set_defaults(command=_status)
 
+    _view_parser(commands.add_parser("view", help="the map in the browser: of a running service, a recording or a stored map"))
+
     replay = commands.add_parser(
         "replay",
         help="a recording through the same chain, into files",
@@ -130,9 +132,30 @@ def _parser() -> argparse.ArgumentParser:
     demo = commands.add_parser("demo", help="the shipped drive: over a CAN bus, through the service, over Zenoh, to a subscriber")
     demo.add_argument("--out", type=Path, default=Path("out/demo"))
     demo.set_defaults(command=_demo)
-    for command in (run, replay, demo):
+    for command in (run, replay, demo, commands.choices["view"]):
         command.add_argument("--model", help="default, paper, analytic, or the path of an .onnx file; otherwise as the configuration says")
     return parser
+
+
+def _view_parser(view: argparse.ArgumentParser) -> None:
+    view.add_argument(
+        "what",
+        type=Path,
+        nargs="?",
+        metavar="WHAT",
+        help="a drive folder, a log with -c, an .mcap recording, or a stored map (.egmap .npz .yaml); without it a running service",
+    )
+    view.add_argument("--demo", action="store_true", help="the shipped drive")
+    view.add_argument("-c", "--config", type=Path, help="of a log; default: the drive folder's echogrid.toml")
+    view.add_argument("--epoch", type=int, help="of an .egmap file (default: the newest)")
+    view.add_argument("--endpoint", default=Publish().listen[0], help="where the service listens (default: %(default)s)")
+    view.add_argument("--vehicle", default="car", help="as in its configuration (default: %(default)s)")
+    view.add_argument("--tls", type=Path, nargs=3, metavar=("CA", "CERTIFICATE", "KEY"), help="PEM files, for an endpoint tls/HOST:PORT")
+    view.add_argument("--listen", type=_address, default=(LOOPBACK, 8890), metavar="[HOST:]PORT", help="of the page (default: 127.0.0.1:8890)")
+    view.add_argument("--token", type=Path, metavar="FILE", help="holds what viewers have to show; needed where other machines can come")
+    view.add_argument("--certificate", type=Path, nargs=2, metavar=("CERT", "KEY"), help="PEM files: the page over HTTPS")
+    view.add_argument("--plaintext", action="store_true", help="other machines may come without HTTPS: on a network of your own")
+    view.set_defaults(command=_view)
 
 
 def _map_parsers(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -253,6 +276,17 @@ def _replay(arguments: argparse.Namespace) -> None:
         store=arguments.store,
     ):
         sys.exit(3)
+
+
+def _view(arguments: argparse.Namespace) -> None:
+    from echogrid.commands.view import Wanted, command, demo_drive
+
+    if arguments.demo and arguments.what is not None:
+        raise EchogridError(f"--demo: found with {arguments.what}, expected one of them")
+    path = demo_drive() if arguments.demo else arguments.what
+    names = ("config", "model", "epoch", "endpoint", "vehicle", "tls")
+    wanted = Wanted(path, **{name: getattr(arguments, name) for name in names})
+    command(wanted, arguments.listen, arguments.token, arguments.certificate, plaintext=arguments.plaintext)
 
 
 def _check(arguments: argparse.Namespace) -> None:

@@ -127,14 +127,14 @@ class Announcer:
         yield Message(STATUS, msgspec.json.encode(status), stamp_ns, status["epoch"], 0)
         yield Message(DIAGNOSTICS, encode_diagnostics(diagnostics(status, self.config.vehicle, stamp_ns)), stamp_ns, status["epoch"], 0)
 
-    def meta(self, stamp_ns: int) -> Message:
+    def about(self) -> dict[str, Any]:
         """What does not change while the service runs."""
         config = self.config
         radars = [
             {key: getattr(radar, key) for key in ("name", "x", "y", "yaw_deg", "fov_deg", "max_range")}  # m and degrees in base
             for radar in config.radar
         ]
-        meta = {
+        return {
             "vehicle": config.vehicle,
             "version": version("echogrid"),
             "model": self.model,
@@ -144,7 +144,10 @@ class Announcer:
             "radars": radars,
             "keys": {topic.name: topic.type or "JSON" for topic in TOPICS},
         }
-        return Message(META, msgspec.json.encode(meta), stamp_ns, 0, 0)
+
+    def meta(self, stamp_ns: int) -> Message:
+        """`about` as a message."""
+        return Message(META, msgspec.json.encode(self.about()), stamp_ns, 0, 0)
 
     def _grid(self, stamp_ns: int, window: Rectangle, cells: NDArray[np.int8]) -> bytes:
         cell = self.config.grid.cell
