@@ -19,7 +19,8 @@ from echogrid.viewing.viewer import TOO_SLOW, Asked, TooSlowError, Viewer
 
 log = logging.getLogger("echogrid")
 MOST_VIEWERS = 32
-LONGEST = 1024  # bytes of a message from the page
+LONGEST = 1024  # characters of a message from the page
+MOST_BYTES = 1 << 16  # of one that is looked at at all
 FIRST_WORD = 5.0  # s for it
 HEARTBEAT = 20.0  # s
 NO_TOKEN = 4401  # our own close code: the page asks for the token
@@ -90,7 +91,7 @@ class PageServer:
         refused = self.door.refusal(request.host, request.headers.get("Origin"))
         if refused is not None:
             return _refused(403, refused)
-        socket = web.WebSocketResponse(max_msg_size=LONGEST, heartbeat=HEARTBEAT, timeout=2.0, compress=False)
+        socket = web.WebSocketResponse(max_msg_size=MOST_BYTES, heartbeat=HEARTBEAT, timeout=2.0, compress=False)
         if not socket.can_prepare(request).ok:
             return _refused(400, "this is not a WebSocket's request")
         await socket.prepare(request)
@@ -153,6 +154,8 @@ class PageServer:
     async def _next(self, socket: web.WebSocketResponse) -> Asked | None:
         message = await socket.receive()
         if message.type is WSMsgType.TEXT:
+            if len(message.data) > LONGEST:
+                raise ValueError(f"not a word of this page: {len(message.data)} characters, expected at most {LONGEST}")
             try:
                 return msgspec.json.decode(message.data, type=Asked)
             except (msgspec.DecodeError, RecursionError) as error:
