@@ -151,7 +151,9 @@ def _view_parser(view: argparse.ArgumentParser) -> None:
     view.add_argument("--endpoint", default=Publish().listen[0], help="where the service listens (default: %(default)s)")
     view.add_argument("--vehicle", default="car", help="as in its configuration (default: %(default)s)")
     view.add_argument("--tls", type=Path, nargs=3, metavar=("CA", "CERTIFICATE", "KEY"), help="PEM files, for an endpoint tls/HOST:PORT")
-    view.add_argument("--listen", type=_address, default=(LOOPBACK, 8890), metavar="[HOST:]PORT", help="of the page (default: 127.0.0.1:8890)")
+    view.add_argument(
+        "--listen", type=_address, default=(LOOPBACK, 8890), metavar="[HOST:]PORT", help="of the page (default: 127.0.0.1:8890)"
+    )
     view.add_argument("--token", type=Path, metavar="FILE", help="holds what viewers have to show; needed where other machines can come")
     view.add_argument("--certificate", type=Path, nargs=2, metavar=("CERT", "KEY"), help="PEM files: the page over HTTPS")
     view.add_argument("--plaintext", action="store_true", help="other machines may come without HTTPS: on a network of your own")

@@ -84,7 +84,9 @@ def test_what_was_judged_holds_what_went_into_the_map_and_a_passing_car_is_movin
     """Every detection is in it once, with its radar; its static ones are those that are published as such, and those of a car that
     comes towards us are not among them."""
     other = world.moving(world.rectangle(30.0, 4.0), (-8.0, 0.0))
-    drive = world.write_drive(tmp_path, world.record(world.straight(6.0), [world.standing(world.rectangle(5, -5) + world.rectangle(5, 8)), other], 2.5))
+    drive = world.write_drive(
+        tmp_path, world.record(world.straight(6.0), [world.standing(world.rectangle(5, -5) + world.rectangle(5, 8)), other], 2.5)
+    )
     pipeline = Pipeline(load_config(drive / "echogrid.toml"), drive / "echogrid.toml")
     announcer, verdicts, radars, detections = Announcer(pipeline.config, ""), [], set(), 0
     for frame in Log(drive / "can.log"):

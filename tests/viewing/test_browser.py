@@ -79,10 +79,20 @@ def picture(page: Any, name: str) -> None:
 def ink(page: Any) -> list[int]:
     """How many pixels of the picture are white, black and anything else; the page is asked to draw first."""
     return page.evaluate(
-        """() => { const e = window.echogrid; e.dirty = true; return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => {
-        const { data } = e.context.getImageData(0, 0, e.canvas.width, e.canvas.height); const n = [0, 0, 0];
-        for (let i = 0; i < data.length; i += 4) if (data[i + 3]) n[data[i] > 240 && data[i+2] > 240 ? 0 : data[i] < 40 && data[i+2] < 50 ? 1 : 2]++;
-        done(n); }))); }"""
+        """() => {
+            const e = window.echogrid;
+            e.dirty = true;
+            const count = (done) => {
+                const { data } = e.context.getImageData(0, 0, e.canvas.width, e.canvas.height);
+                const n = [0, 0, 0];
+                for (let i = 0; i < data.length; i += 4) {
+                    const [red, , blue, opaque] = data.subarray(i, i + 4);
+                    if (opaque) n[red > 240 && blue > 240 ? 0 : red < 40 && blue < 50 ? 1 : 2]++;
+                }
+                done(n);
+            };
+            return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => count(done))));
+        }"""
     )
 
 
@@ -214,6 +224,8 @@ def test_axe_finds_no_serious_fault(browser: Any, tape: DriveFeed, theme: str) -
         wait(page, "window.echogrid?.timeline.clock?.at > 6.5")
         page.keyboard.press("?")
         page.add_script_tag(path=AXE)
-        violations = page.evaluate("axe.run().then(({violations}) => violations.map(({id, impact, nodes}) => [id, impact, nodes.map((n) => n.html)]))")
+        violations = page.evaluate(
+            "axe.run().then(({violations}) => violations.map(({id, impact, nodes}) => [id, impact, nodes.map((n) => n.html)]))"
+        )
         context.close()
     assert [found for found in violations if found[1] in ("serious", "critical")] == []

@@ -10,7 +10,9 @@ from echogrid.viewing.canvas import Canvas
 from echogrid.viewing.wire import SIDE, Plane
 
 WINDOWS = st.lists(
-    st.tuples(st.integers(-70, 70), st.integers(-70, 70), st.integers(1, 50), st.integers(1, 50), st.integers(-1, 3)), min_size=1, max_size=6
+    st.tuples(st.integers(-70, 70), st.integers(-70, 70), st.integers(1, 50), st.integers(1, 50), st.integers(-1, 3)),
+    min_size=1,
+    max_size=6,
 )
 
 

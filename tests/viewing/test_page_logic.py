@@ -26,7 +26,9 @@ MOST_BYTES = 300 << 10
 def test_the_page_is_small_and_takes_nothing_from_elsewhere() -> None:
     files = page_files()
     assert sum(len(body) for path, body in files.items() if path != "/") < MOST_BYTES
-    assert not [path for path, body in files.items() if b"https://" in body or b"http://" in body.replace(b"http://www.w3.org/2000/svg", b"")]
+    assert not [
+        path for path, body in files.items() if b"https://" in body or b"http://" in body.replace(b"http://www.w3.org/2000/svg", b"")
+    ]
 
 
 @pytest.mark.skipif(NODE is None, reason="node is not installed")

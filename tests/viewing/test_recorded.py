@@ -1,4 +1,4 @@
-"""A recording as it is shown: after the last frame the page knows the map that a replay makes, wherever it began and whatever it skipped."""
+"""A recording as it is shown: after the last frame the page knows the map of a replay, wherever it began and whatever it skipped."""
 
 from __future__ import annotations
 
@@ -174,5 +174,3 @@ def test_a_stored_map_is_shown_whole(dense: tuple[np.ndarray, int, int], tmp_pat
         np.testing.assert_array_equal(seen.cells(Plane.OCCUPANCY, row, column, *percent.shape, -1), percent)
     with pytest.raises(EchogridError, match="epoch 7 is not there"):
         stored_scene(tmp_path / "map.egmap", 7)
-
-

@@ -59,7 +59,9 @@ def door(listen: tuple[str, int], token: Path | None, certificate: tuple[Path, P
     """
     host, port = listen
     if not is_loopback(host):
-        missing = (["--token FILE"] if token is None else []) + (["--certificate CERT KEY"] if certificate is None and not plaintext else [])
+        missing = (["--token FILE"] if token is None else []) + (
+            ["--certificate CERT KEY"] if certificate is None and not plaintext else []
+        )
         if missing:
             hint = ", or --plaintext on a network of your own" if certificate is None and not plaintext else ""
             raise EchogridError(f"--listen: {host} can be reached from other machines, expected {' and '.join(missing)} with it{hint}")

@@ -25,7 +25,9 @@ class LiveFeed:
         """Raises EchogridError for an endpoint, a vehicle or credentials that cannot be."""
         self.client = Client(endpoint, vehicle, credentials)
         self.lock = threading.Lock()
-        self.scene = Scene({"shown": "live", "name": f"{vehicle} at {endpoint}", "vehicle": vehicle, "planes": ["OCCUPANCY"], "timeline": False})
+        self.scene = Scene(
+            {"shown": "live", "name": f"{vehicle} at {endpoint}", "vehicle": vehicle, "planes": ["OCCUPANCY"], "timeline": False}
+        )
         self._map: MapName | None = None
         self._heard = time.monotonic()
         self._told_silence = 0.0

@@ -45,7 +45,7 @@ class DriveFeed:
         self._second: int | None = None  # of the drive, in which status and planes were told
 
     def run(self, stop: threading.Event) -> None:
-        """Until the end, or `stop`. Raises EchogridError for a recording that is torn, or gives no map; what came before it is on the tape."""
+        """Until the end, or `stop`. Raises EchogridError for a recording that is torn, or gives no map; what came before is on the tape."""
         snapshots, announcer = Snapshots(), Announcer(self._config, self._pipeline.model.why)
         frames = self._scene.meta(announcer.about()) + self._true()
         for message in self._log:

@@ -102,7 +102,9 @@ class Scene:
 
     def status(self, status: Mapping[str, Any], stamp_ns: int) -> Frames:
         """How the service is doing, with the level of each of its parts as ROS's diagnostics have it."""
-        return [self._keep(Kind.STATUS, wire.document(Kind.STATUS, {**status, "parts": parts(status, stamp_ns), "stamp_s": stamp_ns * 1e-9}))]
+        return [
+            self._keep(Kind.STATUS, wire.document(Kind.STATUS, {**status, "parts": parts(status, stamp_ns), "stamp_s": stamp_ns * 1e-9}))
+        ]
 
     def truth(self, trail: NDArray[Any], cells: NDArray[np.int8] | None, row: int, column: int) -> Frames:
         """The true way (N, 2) and the true map, in odom, once."""

@@ -60,7 +60,9 @@ class PageServer:
         application.router.add_get("/socket", self._socket)
         application.router.add_get("/{path:.*}", self._file)
         # What strangers send is no fault of ours: aiohttp's own words about it would be tracebacks.
-        runner = web.AppRunner(application, access_log=None, logger=logging.getLogger("echogrid.http"), handle_signals=False, shutdown_timeout=1)
+        runner = web.AppRunner(
+            application, access_log=None, logger=logging.getLogger("echogrid.http"), handle_signals=False, shutdown_timeout=1
+        )
         await runner.setup()
         site = web.TCPSite(runner, self.door.host, self.door.port, ssl_context=self.door.tls)
         try:
@@ -129,8 +131,8 @@ class PageServer:
             await asyncio.wait((watching, listening), return_when=asyncio.FIRST_COMPLETED)
             if watching.done():
                 await self._part(watching, viewer)
-            elif (error := listening.exception()) is not None:
-                await viewer.dismiss(str(error), WSCloseCode.POLICY_VIOLATION)
+            elif (said := listening.exception()) is not None:
+                await viewer.dismiss(str(said), WSCloseCode.POLICY_VIOLATION)
         finally:
             for task in (watching, listening):
                 task.cancel()

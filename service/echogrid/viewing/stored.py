@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from echogrid.core.map.tile import SIDE
 from echogrid.errors import EchogridError
 from echogrid.maps.files import open_store, read_dense
 from echogrid.maps.stored_epoch import StoredEpoch
-from echogrid.core.map.tile import SIDE
 from echogrid.store.store_file import SUFFIX
 from echogrid.topics.announcer import occupancy_percent
 from echogrid.viewing.recorded import origin_of
@@ -32,7 +32,9 @@ def _of_store(path: Path, epoch: int | None) -> Scene:
         if len(stored.keys) * SIDE * SIDE > MOST_CELLS:
             what = f"epoch {stored.number} has {len(stored.keys)} tiles, expected at most {MOST_CELLS // SIDE**2}"
             raise EchogridError(f"{path}: {what}: cut a part out with `echogrid map export --bbox`")
-        scene = _scene(path, ["OCCUPANCY", "SOURCE", "SEEN"], stored.description.cell, vehicle=stored.description.vehicle, epoch=stored.number)
+        scene = _scene(
+            path, ["OCCUPANCY", "SOURCE", "SEEN"], stored.description.cell, vehicle=stored.description.vehicle, epoch=stored.number
+        )
         for (row, column), tile in stored.tiles():
             log_odds = stored.log_odds(tile)
             where = row * SIDE, column * SIDE

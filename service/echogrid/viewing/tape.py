@@ -66,7 +66,7 @@ class Tape:
         """The frames of the entries from one number to before another."""
         with self._lock:
             packed = self._entries[first:last]
-        return list(frame for entry in packed for frame in _unpacked(entry))
+        return [frame for entry in packed for frame in _unpacked(entry)]
 
     def whole_before(self, count: int) -> tuple[Frames, int]:
         """Everything as it was at most WHOLE_EVERY before `count` entries, and how many entries are in it."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections import deque
 from collections.abc import Iterable
 
@@ -20,7 +21,7 @@ class Asked(msgspec.Struct, forbid_unknown_fields=True):
 
     token: str | None = None  # in the first one, where one is asked for
     playing: bool | None = None
-    speed: float | None = msgspec.field(default=None)
+    speed: float | None = None  # times the recording's own pace
     seek: float | None = None  # s from the recording's begin
 
 
@@ -78,10 +79,8 @@ class Viewer:
     async def dismiss(self, why: str, code: int = WSCloseCode.TRY_AGAIN_LATER) -> None:
         """Tells why it ends, as far as the viewer takes it."""
         self._waiting.clear()
-        try:
+        with contextlib.suppress(TimeoutError, ConnectionError):
             await asyncio.wait_for(self._socket.close(code=code, message=why.encode()[:123]), FAREWELL)
-        except (TimeoutError, ConnectionError):
-            pass
         if self._request.transport is not None:
             self._request.transport.abort()
 

@@ -35,7 +35,7 @@ export class Graph {
     const { canvas, values } = this;
     const ratio = window.devicePixelRatio;
     const [width, height] = [canvas.clientWidth * ratio, canvas.clientHeight * ratio];
-    if (!width) return;
+    if (!width || !values.length) return;
     if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
     const context = canvas.getContext("2d");
     const style = getComputedStyle(document.documentElement);

@@ -96,6 +96,17 @@ export function drawRuler(context, sight, theme, [x0, y0, x1, y1]) {
   context.beginPath();
   line(context, x0, y0, x1, y1);
   stroke(context, sight, INK[theme], 2, 1);
+  const [px, py] = sight.toScreen((x0 + x1) / 2, (y0 + y1) / 2);
+  const ratio = window.devicePixelRatio;
+  context.setTransform(ratio, 0, 0, ratio, px * ratio, py * ratio);
+  context.font = "bold 16px system-ui, sans-serif";
+  context.textAlign = "center";
+  context.lineWidth = 5;
+  context.strokeStyle = theme === "light" ? "#fff" : "#000";
+  context.fillStyle = INK[theme];
+  const text = `${Math.hypot(x1 - x0, y1 - y0).toFixed(2)} m`;
+  context.strokeText(text, 0, -10);
+  context.fillText(text, 0, -10);
 }
 
 export function placed(pose, x, y) {

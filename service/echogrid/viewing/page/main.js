@@ -173,6 +173,7 @@ class Page {
     localStorage.setItem("theme", theme);
     this.map.show({ theme });
     this.panel.legend(this.map.mode, theme);
+    this.panel.redraw();
     this.showRadars();
     this.dirty = true;
   }

@@ -109,6 +109,10 @@ export class Panel {
     );
   }
 
+  redraw() {
+    for (const graph of Object.values(this.graphs)) graph.draw();
+  }
+
   clear() {
     for (const graph of Object.values(this.graphs)) graph.clear();
   }

@@ -58,6 +58,7 @@ export class Timeline {
       return this.shownUntil(to);
     }
     this.scrubbing = performance.now() + 400;
+    by("seek").value = to;
     this.page.link.say({ seek: to });
   }
 
