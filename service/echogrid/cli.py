@@ -7,24 +7,22 @@ from __future__ import annotations
 
 import argparse
 import logging
-import math
 import sys
 from pathlib import Path
 from typing import NoReturn
 
-from echogrid import __version__
+from echogrid import __version__, arguments
 from echogrid.config.tables import Publish
 from echogrid.errors import EchogridError
-from echogrid.recording.foxglove import LOOPBACK, PORT
 from echogrid.watching import journal
 
 
 def main() -> None:
     """Exits with 0, or with another code and one sentence on stderr."""
-    arguments = _parser().parse_args()
-    journal.configure(arguments.log_level)
+    given = _parser().parse_args()
+    journal.configure(given.log_level)
     try:
-        arguments.command(arguments)
+        given.command(given)
     except EchogridError as error:
         _give_up(str(error), error.exit_code)
     except OSError as error:  # a full disk, a folder that may not be written
@@ -54,7 +52,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FILE.mcap|BAG",
         help="record frames and all that is published, into a new file or, as a ROS 2 bag, a new folder; in one that exists named by time",
     )
-    _foxglove(run)
+    arguments.add_foxglove(run)
     run.set_defaults(command=_run)
 
     status = commands.add_parser(
@@ -71,7 +69,9 @@ def _parser() -> argparse.ArgumentParser:
     status.add_argument("--json", action="store_true", help="print it as published, one line each")
     status.set_defaults(command=_status)
 
-    _view_parser(commands.add_parser("view", help="the map in the browser: of a running service, a recording or a stored map"))
+    view = commands.add_parser("view", help="the map in the browser: of a running service, a recording or a stored map")
+    arguments.add_view(view)
+    view.set_defaults(command=_view)
 
     replay = commands.add_parser(
         "replay",
@@ -88,8 +88,8 @@ def _parser() -> argparse.ArgumentParser:
     replay.add_argument("--out", type=Path, default=Path("out/replay"), help="folder for map, trajectory and summary (default: out/replay)")
     replay.add_argument("--realtime", action="store_true", help="at the bus's pace instead of as fast as possible")
     replay.add_argument("--publish", action="store_true", help="at the bus's pace through the service, and out over Zenoh as `run` would")
-    replay.add_argument("--speed", type=_speed, metavar="TIMES", help="with --publish: so many times the bus's pace (default: 1)")
-    _foxglove(replay)
+    replay.add_argument("--speed", type=arguments.speed, metavar="TIMES", help="with --publish: so many times the bus's pace (default: 1)")
+    arguments.add_foxglove(replay)
     replay.add_argument(
         "--record",
         type=Path,
@@ -106,7 +106,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     check.add_argument("log", type=Path, nargs="?", metavar="LOG")
     check.add_argument("-c", "--config", type=Path, required=True)
-    check.add_argument("--seconds", type=_seconds, metavar="N", help="instead of a LOG: listen to the configured buses for so long")
+    check.add_argument(
+        "--seconds", type=arguments.seconds, metavar="N", help="instead of a LOG: listen to the configured buses for so long"
+    )
     check.add_argument("--json", action="store_true", help="the report as one JSON object")
     check.add_argument("--fix-out", type=Path, metavar="FILE.toml", help="the mended configuration, with its profiles beside it")
     check.add_argument("--report", type=Path, metavar="FILE.html", help="one page with plots")
@@ -132,32 +134,9 @@ def _parser() -> argparse.ArgumentParser:
     demo = commands.add_parser("demo", help="the shipped drive: over a CAN bus, through the service, over Zenoh, to a subscriber")
     demo.add_argument("--out", type=Path, default=Path("out/demo"))
     demo.set_defaults(command=_demo)
-    for command in (run, replay, demo, commands.choices["view"]):
+    for command in (run, view, replay, demo):
         command.add_argument("--model", help="default, paper, analytic, or the path of an .onnx file; otherwise as the configuration says")
     return parser
-
-
-def _view_parser(view: argparse.ArgumentParser) -> None:
-    view.add_argument(
-        "what",
-        type=Path,
-        nargs="?",
-        metavar="WHAT",
-        help="a drive folder, a log with -c, an .mcap recording, or a stored map (.egmap .npz .yaml); without it a running service",
-    )
-    view.add_argument("--demo", action="store_true", help="the shipped drive")
-    view.add_argument("-c", "--config", type=Path, help="of a log; default: the drive folder's echogrid.toml")
-    view.add_argument("--epoch", type=int, help="of an .egmap file (default: the newest)")
-    view.add_argument("--endpoint", default=Publish().listen[0], help="where the service listens (default: %(default)s)")
-    view.add_argument("--vehicle", default="car", help="as in its configuration (default: %(default)s)")
-    view.add_argument("--tls", type=Path, nargs=3, metavar=("CA", "CERTIFICATE", "KEY"), help="PEM files, for an endpoint tls/HOST:PORT")
-    view.add_argument(
-        "--listen", type=_address, default=(LOOPBACK, 8890), metavar="[HOST:]PORT", help="of the page (default: 127.0.0.1:8890)"
-    )
-    view.add_argument("--token", type=Path, metavar="FILE", help="holds what viewers have to show; needed where other machines can come")
-    view.add_argument("--certificate", type=Path, nargs=2, metavar=("CERT", "KEY"), help="PEM files: the page over HTTPS")
-    view.add_argument("--plaintext", action="store_true", help="other machines may come without HTTPS: on a network of your own")
-    view.set_defaults(command=_view)
 
 
 def _map_parsers(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -201,143 +180,101 @@ def _map_parsers(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
         command.add_argument("--force", action="store_true", help="replace an existing output")
 
 
-def _seconds(text: str) -> float:
-    """How long to listen."""
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = -1.0
-    if not 0.1 <= seconds <= 3600:
-        raise argparse.ArgumentTypeError(f"'{text}' found, expected seconds from 0.1 to 3600")
-    return seconds
-
-
-def _foxglove(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--foxglove",
-        type=_address,
-        nargs="?",
-        const=(LOOPBACK, PORT),
-        metavar="[HOST:]PORT",
-        help="a live view for Foxglove (default: 127.0.0.1:8765)",
-    )
-
-
-def _speed(text: str) -> float:
-    """How many times as fast."""
-    try:
-        speed = float(text)
-    except ValueError:
-        speed = math.nan
-    if not 0.01 <= speed <= 1000:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a speed, expected a number from 0.01 to 1000")
-    return speed
-
-
-def _address(text: str) -> tuple[str, int]:
-    """Host and port; on this machine alone unless another host is written out."""
-    host, colon, port = text.rpartition(":")
-    host = host.removeprefix("[").removesuffix("]")
-    if not port.isdecimal() or int(port) > 65535 or bool(colon) != bool(host):
-        raise argparse.ArgumentTypeError(f"'{text}' is not an address, expected PORT or HOST:PORT")
-    return host or LOOPBACK, int(port)
-
-
-def _run(arguments: argparse.Namespace) -> None:
+def _run(given: argparse.Namespace) -> None:
     from echogrid.commands.run import run
 
-    run(arguments.config, arguments.model, arguments.record, arguments.foxglove)
+    run(given.config, given.model, given.record, given.foxglove)
 
 
-def _status(arguments: argparse.Namespace) -> None:
+def _status(given: argparse.Namespace) -> None:
     from echogrid.commands.status import command
 
-    if not command(arguments.endpoint, arguments.vehicle, arguments.tls, going_on=arguments.watch, as_json=arguments.json):
+    if not command(given.endpoint, given.vehicle, given.tls, going_on=given.watch, as_json=given.json):
         sys.exit(2)
 
 
-def _replay(arguments: argparse.Namespace) -> None:
+def _replay(given: argparse.Namespace) -> None:
     from echogrid.commands import publish
     from echogrid.commands.replay import command
 
-    if arguments.publish:
-        speed, options = arguments.speed or 1.0, {name: getattr(arguments, name) for name in ("model", "record", "store", "foxglove")}
-        if not publish.command(arguments.drive, arguments.config, arguments.out, speed=speed, **options):
+    if given.publish:
+        speed, options = given.speed or 1.0, {name: getattr(given, name) for name in ("model", "record", "store", "foxglove")}
+        if not publish.command(given.drive, given.config, given.out, speed=speed, **options):
             sys.exit(3)
         return
     for option in ("speed", "foxglove"):
-        if getattr(arguments, option) is not None:
+        if getattr(given, option) is not None:
             raise EchogridError(f"--{option}: needs --publish")
     if not command(
-        arguments.drive,
-        arguments.config,
-        arguments.out,
-        realtime=arguments.realtime,
-        model=arguments.model,
-        record=arguments.record,
-        store=arguments.store,
+        given.drive,
+        given.config,
+        given.out,
+        realtime=given.realtime,
+        model=given.model,
+        record=given.record,
+        store=given.store,
     ):
         sys.exit(3)
 
 
-def _view(arguments: argparse.Namespace) -> None:
+def _view(given: argparse.Namespace) -> None:
     from echogrid.commands.view import Wanted, command, demo_drive
 
-    if arguments.demo and arguments.what is not None:
-        raise EchogridError(f"--demo: found with {arguments.what}, expected one of them")
-    path = demo_drive() if arguments.demo else arguments.what
+    if given.demo and given.what is not None:
+        raise EchogridError(f"--demo: found with {given.what}, expected one of them")
+    path = demo_drive() if given.demo else given.what
     names = ("config", "model", "epoch", "endpoint", "vehicle", "tls")
-    wanted = Wanted(path, **{name: getattr(arguments, name) for name in names})
-    command(wanted, arguments.listen, arguments.token, arguments.certificate, plaintext=arguments.plaintext)
+    wanted = Wanted(path, **{name: getattr(given, name) for name in names})
+    command(wanted, given.listen, given.token, given.certificate, plaintext=given.plaintext)
 
 
-def _check(arguments: argparse.Namespace) -> None:
+def _check(given: argparse.Namespace) -> None:
     from echogrid.commands.check import command
 
-    options = {"as_json": arguments.json, "fix_out": arguments.fix_out, "page": arguments.report}
-    if not command(arguments.config, arguments.log, seconds=arguments.seconds, **options):
+    options = {"as_json": given.json, "fix_out": given.fix_out, "page": given.report}
+    if not command(given.config, given.log, seconds=given.seconds, **options):
         sys.exit(2)
 
 
-def _init(arguments: argparse.Namespace) -> None:
+def _init(given: argparse.Namespace) -> None:
     from echogrid.commands.init import command
 
-    if not command(arguments.log, arguments.dbc, arguments.out, force=arguments.force):
+    if not command(given.log, given.dbc, given.out, force=given.force):
         sys.exit(2)
 
 
-def _demo(arguments: argparse.Namespace) -> None:
+def _demo(given: argparse.Namespace) -> None:
     from echogrid.commands.demo import command
 
-    command(arguments.out, arguments.model)
+    command(given.out, given.model)
 
 
-def _map_info(arguments: argparse.Namespace) -> None:
+def _map_info(given: argparse.Namespace) -> None:
     from echogrid.commands.map import info_command
 
-    info_command(arguments.file, as_json=arguments.json)
+    info_command(given.file, as_json=given.json)
 
 
-def _map_show(arguments: argparse.Namespace) -> None:
+def _map_show(given: argparse.Namespace) -> None:
     from echogrid.commands.map import show_command
 
-    show_command(arguments.file, arguments.out, epoch=arguments.epoch, force=arguments.force)
+    show_command(given.file, given.out, epoch=given.epoch, force=given.force)
 
 
-def _map_export(arguments: argparse.Namespace) -> None:
+def _map_export(given: argparse.Namespace) -> None:
     from echogrid.commands.map import export_command
 
-    options = {"epoch": arguments.epoch, "form": arguments.format, "mode": arguments.mode, "force": arguments.force}
-    export_command(arguments.file, arguments.out, bbox=arguments.bbox, **options)
+    options = {"epoch": given.epoch, "form": given.format, "mode": given.mode, "force": given.force}
+    export_command(given.file, given.out, bbox=given.bbox, **options)
 
 
-def _map_import(arguments: argparse.Namespace) -> None:
+def _map_import(given: argparse.Namespace) -> None:
     from echogrid.commands.map import import_command
 
-    import_command(arguments.file, arguments.out, vehicle=arguments.vehicle, force=arguments.force)
+    import_command(given.file, given.out, vehicle=given.vehicle, force=given.force)
 
 
-def _map_merge(arguments: argparse.Namespace) -> None:
+def _map_merge(given: argparse.Namespace) -> None:
     from echogrid.commands.map import merge_command
 
-    merge_command(arguments.maps, arguments.out, scheduler=arguments.scheduler, force=arguments.force)
+    merge_command(given.maps, given.out, scheduler=given.scheduler, force=given.force)

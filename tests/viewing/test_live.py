@@ -72,4 +72,4 @@ def test_a_service_that_is_not_there_is_waited_for_and_said_so(endpoint: str) ->
             seen.take(viewer.recv(timeout=60))
     status = seen.documents[Kind.STATUS]
     assert status["state"] == "silent"
-    assert status["reasons"][0].endswith(f"waiting for vehicle 'car' at {endpoint}")
+    assert status["reasons"][0].endswith(f"waiting for car at {endpoint}")

@@ -17,7 +17,7 @@ from echogrid.commands.terminal import progress
 from echogrid.commands.traffic import Traffic
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
-from echogrid.errors import EchogridError
+from echogrid.errors import EchogridError, NoMapError
 from echogrid.live.player import Player, on_virtual_buses
 from echogrid.live.service import Service
 from echogrid.logs.drive import Drive, find_drive
@@ -43,6 +43,8 @@ def command(
             drive, out, speed=speed, model=model, record=record, store=store, foxglove=foxglove, on_progress=advance, on_start=_stoppable
         )
     report(summary, out)
+    for note in summary["notes"]:
+        print(f"note: {note}")
     if summary["faults"]:
         raise EchogridError(f"{drive.log}: {'; '.join(summary['faults'])}")
     return summary["not_to_be_trusted"] is None
@@ -78,12 +80,11 @@ def publish(
         on_start(service)
     service.run()
     if player.ended and not player.sent:
-        raise player.torn or EchogridError(nothing_known(drive, pipeline, traffic))
-    pipeline.mapper.end_cycle()
-    if not pipeline.health.cycles:
-        raise player.torn or EchogridError(f"{drive.log}: no map came of it: {why_none(pipeline, traffic)}")
+        raise player.torn or NoMapError(nothing_known(drive, pipeline, traffic))
     faults = log.times.faults() + traffic.coarse(log.times) if player.ended else []
-    summary = recorder.write(out, truth, faults, log.account.notes + log.times.notes())
+    summary = recorder.write(out, truth, faults, log.account.notes + log.times.notes() + traffic.strangers())
+    if not pipeline.health.cycles:
+        raise player.torn or NoMapError(f"{drive.log}: no map came of it: {why_none(pipeline, traffic)}")
     if player.torn is not None:
         raise EchogridError(f"{player.torn}; the map up to there is in {out}")
     return summary

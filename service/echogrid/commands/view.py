@@ -38,7 +38,7 @@ class Wanted:
     model: str | None
     epoch: int | None
     endpoint: str
-    vehicle: str
+    vehicle: str | None  # None: the only one that is there
     tls: tuple[Path, Path, Path] | None
 
 
@@ -71,7 +71,7 @@ async def _serve(show: Show, entrance: Door) -> None:
     failures: list[Exception] = []
 
     def failed(error: Exception) -> None:
-        if isinstance(error, EchogridError):
+        if isinstance(error, EchogridError) and isinstance(show, TapeShow):
             log.error("%s", error)  # the page says so too, and what there is can be looked at
             return
         failures.append(error)
