@@ -194,8 +194,8 @@ def _status(given: argparse.Namespace) -> None:
 
 
 def _replay(given: argparse.Namespace) -> None:
-    from echogrid.commands import publish
     from echogrid.commands.replay import command
+    from echogrid.commands.showing import publish
 
     if given.publish:
         speed, options = given.speed or 1.0, {name: getattr(given, name) for name in ("model", "record", "store", "foxglove")}
@@ -218,7 +218,7 @@ def _replay(given: argparse.Namespace) -> None:
 
 
 def _view(given: argparse.Namespace) -> None:
-    from echogrid.commands.view import Wanted, command, demo_drive
+    from echogrid.commands.showing.view import Wanted, command, demo_drive
 
     if given.demo and given.what is not None:
         raise EchogridError(f"--demo: found with {given.what}, expected one of them")

@@ -11,7 +11,7 @@ from typing import Any
 from tests.support import world
 from tests.support.waiting import until
 
-from echogrid.commands.publish import publish
+from echogrid.commands.showing.publish import publish
 from echogrid.live.service import Service
 from echogrid.logs.drive import find_drive
 
