@@ -97,7 +97,7 @@ class Client:
         return self._newest(FULL, _window, timeout)
 
     def follow(self, timeout: float = 1.0) -> Window | None:
-        """The same, put together from key frames and updates, which is less than half of the traffic. Its origin moves in steps, so that
+        """The same, put together from key frames and updates, which is less traffic. Its origin moves in steps, so that
         the car is not quite in its middle. Only complete windows are returned: what was lost is in the next one, within a second."""
         return self._wait(self._followed_next, timeout)
 

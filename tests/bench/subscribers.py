@@ -121,7 +121,7 @@ def frozen(config: Config, cells: int) -> None:
         car = Car(config, cells, publisher)
         watchers = [subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) for _ in range(2)]
         drive_for(car, 3.0)
-        print(f"{cells} x {cells} cells at {RATE:.0f} Hz, five messages a map, two subscribers of all grids")
+        print(f"{cells} x {cells} cells at {RATE:.0f} Hz, six messages a map, two subscribers of all grids")
         told("  announcing, both read", drive_for(car, 10.0))
         os.kill(watchers[1].pid, signal.SIGSTOP)
         told("  announcing, one is frozen", drive_for(car, 15.0))

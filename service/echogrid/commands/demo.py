@@ -48,6 +48,8 @@ def command(out: Path, model: str | None) -> None:
     report(summary, out)
     print(f"what the subscriber in the other process received: {out / 'received.png'}")
     print(f"detections, analytic map, this map and truth side by side: {out / 'side_by_side.png'}")
+    program = "echogrid" if sys.argv[0].endswith("__main__.py") else sys.argv[0]
+    print(f"the same drive, moving, in the browser: {program} view --demo")
 
 
 def demo(out: Path, model: str | None = None, on_progress: Callable[[float], None] | None = None) -> dict[str, Any]:

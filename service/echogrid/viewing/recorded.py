@@ -43,6 +43,7 @@ class DriveFeed:
         name = drive.config.parent.name if drive.log.parent == drive.config.parent else drive.log.name
         self._scene = Scene({"shown": "drive", "name": name, "planes": planes, "timeline": True, "truth": self._truth is not None})
         self._second: int | None = None  # of the drive, in which status and planes were told
+        self._counted = (0, 0, 0)  # stamp in ns, cycles and frames of the last status
 
     def run(self, stop: threading.Event) -> None:
         """Until the end, or `stop`. Raises EchogridError for a recording that is torn, or gives no map; what came before is on the tape."""
@@ -83,7 +84,7 @@ class DriveFeed:
         second = ego.stamp_ns // SECOND
         if second != self._second:
             self._second = second
-            frames += self._planes(seen, snapshot.log_odds) + scene.status(self._status(), ego.stamp_ns)
+            frames += self._planes(seen, snapshot.log_odds) + scene.status(self._status(ego.stamp_ns), ego.stamp_ns)
         return frames
 
     def _planes(self, where: Rectangle, log_odds: LogOdds) -> Frames:
@@ -94,9 +95,13 @@ class DriveFeed:
         row, column = where.row, where.column
         return self._scene.cells(Plane.SOURCE, row, column, source) + self._scene.cells(Plane.SEEN, row, column, seen_s)
 
-    def _status(self) -> dict[str, Any]:
-        state, epoch = self._pipeline.state(0), self._pipeline.mapper.epoch
-        return {"state": state.name, "reasons": state.reasons, "epoch": epoch, "buses": {}, **asdict(self._pipeline.health)}
+    def _status(self, stamp_ns: int) -> dict[str, Any]:
+        """As a service says it; rates are per second of the drive."""
+        state, epoch, health = self._pipeline.state(0), self._pipeline.mapper.epoch, self._pipeline.health
+        last, self._counted = self._counted, (stamp_ns, health.cycles, health.frames)
+        span = (stamp_ns - last[0]) * 1e-9
+        rates = {"map_hz": (health.cycles - last[1]) / span, "frames_hz": (health.frames - last[2]) / span} if last[2] and span > 0 else {}
+        return {"state": state.name, "reasons": state.reasons, "epoch": epoch, "rates": rates, "buses": {}, **asdict(health)}
 
 
 class McapFeed:
