@@ -50,9 +50,8 @@ def main() -> None:
             drive_for(car, SECONDS - 6)
             share = (cpu_s(view.pid) - busy) / (time.monotonic() - began)
             told(f"{viewers} viewers: age of a map at another subscriber", json.loads(listening.communicate(timeout=60)[0]))
-            print(
-                f"  echogrid view takes {share:.1%} of a core, {resident_mib(view.pid):.0f} MiB; maps told: {looking.communicate()[0].strip()}"
-            )
+            maps = looking.communicate()[0].strip()
+            print(f"  echogrid view takes {share:.1%} of a core, {resident_mib(view.pid):.0f} MiB; maps told: {maps}")
         view.send_signal(signal.SIGINT)
         view.wait(30)
 
