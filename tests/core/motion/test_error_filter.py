@@ -85,6 +85,23 @@ def test_wheels_that_are_one_signal_say_nothing_of_turning() -> None:
     assert found(odometry, model.TRACK) == pytest.approx((model.USUAL_TRACK, 0.08))
 
 
+def test_wheels_that_are_mixed_up_teach_nothing() -> None:
+    drive = Driven(*town(60.0), Errors(bias=0.2 * DEGREE), seed=13)
+    drive.difference = -drive.difference
+    odometry = follow(drive)
+    assert odometry.errors.bias == 0.0
+    assert found(odometry, model.BIAS)[1] > 0.3 * DEGREE
+
+
+def test_over_a_long_drive_the_covariance_stays_one() -> None:
+    """Positive semi-definite up to rounding, and as unsure of the place as a quarter of an hour of drift makes it."""
+    drive = Driven(*town(900.0), Errors(bias=0.1 * DEGREE), seed=14, detections=6)
+    odometry = follow(drive)
+    values = np.linalg.eigvalsh(odometry.errors.covariance)
+    assert values[0] > -1e-12 * values[-1]
+    assert 1.0 < math.sqrt(odometry.errors.certainty(5.0, 0.0).pose[0, 0]) < 7_000.0
+
+
 def test_learning_only_while_standing_or_never_leaves_all_else_alone() -> None:
     stop = np.zeros(round(6.0 / STEP))
     speed, yaw_rate = town(20.0)

@@ -18,6 +18,7 @@ from echogrid.core.motion.se2 import SE2
 STEP = 0.1  # s: the covariance goes on in steps of so much
 WINDOW = 1.0  # s over which the wheels' difference is compared with the gyro
 SLOWEST = 1.0  # m/s: slower wheels are not compared
+TELLING, MOST_VOTES = 0.04, 3  # m/s that a change of the yaw rate makes of the wheels' difference, to tell whether both go together
 FARTHEST = 4.0  # sigmas: what is farther off is no measurement
 UNSURE, SURE = 1.5, 2.0  # sigmas: of an estimate up to which nothing is taken off, and from which on all of it
 SMOOTHED = 0.2  # s over which accelerations are taken
@@ -61,6 +62,8 @@ class ErrorFilter:
         self._leg: Leg | None = None
         self._window: list[Leg] = []
         self._wheels_differ = False
+        self._before: tuple[float, float] | None = None  # yaw rate and difference of the last window
+        self._votes = 0  # windows in which the wheels' difference changed with the yaw rate, less those in which it did not
 
     def restart(self) -> None:
         """The pose begins anew; what was learned stays."""
@@ -192,10 +195,21 @@ class ErrorFilter:
         speed, yaw_rate, difference = (value / whole.seconds for value in (whole.speed, whole.yaw_rate, whole.difference))
         change = (window[-1].yaw_rate / window[-1].seconds - window[0].yaw_rate / window[0].seconds) / whole.seconds
         window.clear()
+        if not self._go_together(yaw_rate, difference):
+            return
         track, turned = float(self.mean[TRACK]), yaw_rate * (1.0 + float(self.mean[TURN_SCALE])) - float(self.mean[BIAS])
         slope = {BIAS: -track, TURN_SCALE: track * yaw_rate, TRACK: turned, UNEVEN: speed}
         left = difference - track * turned - float(self.mean[UNEVEN]) * speed
         self._observe(slope, left, model.DIFFERENCE_NOISE**2 + (track * model.DIFFERENCE_DELAY * change) ** 2)
+
+    def _go_together(self, yaw_rate: float, difference: float) -> bool:
+        """Whether the right wheel is the faster one to the left: of wheels that are mixed up nothing is learned."""
+        before, self._before = self._before, (yaw_rate, difference)
+        if before is not None:
+            turn, apart = yaw_rate - before[0], difference - before[1]
+            if abs(float(self.mean[TRACK]) * turn) > TELLING:
+                self._votes = max(-MOST_VOTES, min(self._votes + (1 if turn * apart > 0.0 else -1), MOST_VOTES))
+        return self._votes >= 0
 
     def _observe(self, slope: Mapping[int, float], left: float, variance: float) -> None:
         """One number that differs by `left` from the expected one, unless it is too far off to be a measurement."""
