@@ -3,11 +3,49 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import math
+import re
 from pathlib import Path
+from typing import NoReturn
 
 from echogrid.config.tables import Publish
 from echogrid.recording.foxglove import LOOPBACK, PORT
+
+# What `COMMAND --help` ends with.
+EXAMPLES = {
+    "run": ("run -c echogrid.toml", "run -c echogrid.toml --record /var/lib/echogrid"),
+    "status": ("status", "status --watch", "status --json | jq .state"),
+    "view": ("view --demo", "view", "view drives/monday", "view can.blf -c echogrid.toml", "view map.egmap"),
+    "replay": ("replay drives/monday", "replay can.blf -c echogrid.toml --out out/monday", "replay drives/monday --publish --speed 4"),
+    "check": ("check -c echogrid.toml", "check -c echogrid.toml can.blf --fix-out mended.toml", "check -c echogrid.toml --seconds 20"),
+    "init": ("init can.blf", "init can.blf --dbc radar.dbc --dbc car.dbc --out car.toml"),
+    "map": ("map show map.egmap", "map export map.egmap map.yaml", "map merge all.egmap monday.egmap tuesday.egmap:12,-3,90"),
+    "demo": ("demo", "demo --model analytic --out out/analytic"),
+}
+
+
+class Parser(argparse.ArgumentParser):
+    """Says what a word that it does not know may have been meant to be, and ends each command's help with examples."""
+
+    def error(self, message: str) -> NoReturn:
+        unknown = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message)
+        near = difflib.get_close_matches(unknown[1], re.findall(r"[\w.-]+", unknown[2]), n=1) if unknown else []
+        super().error(message + (f"; did you mean '{near[0]}'?" if near else ""))
+
+    def format_help(self) -> str:
+        program, _, command = self.prog.partition(" ")
+        lines = [f"  {program} {example}" for example in EXAMPLES.get(command, ())]
+        return super().format_help() + ("\n".join(("\nexamples:", *lines)) + "\n" if lines else "")
+
+
+def complete(parser: argparse.ArgumentParser) -> None:
+    """Answers a shell that asks how a line goes on, and ends the program; nothing where argcomplete is not installed."""
+    try:
+        import argcomplete
+    except ImportError:
+        return
+    argcomplete.autocomplete(parser)
 
 
 def seconds(text: str) -> float:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import os
 import sys
 from pathlib import Path
 from typing import NoReturn
@@ -19,7 +20,10 @@ from echogrid.watching import journal
 
 def main() -> None:
     """Exits with 0, or with another code and one sentence on stderr."""
-    given = _parser().parse_args()
+    parser = _parser()
+    if "_ARGCOMPLETE" in os.environ:
+        arguments.complete(parser)
+    given = parser.parse_args()
     journal.configure(given.log_level)
     try:
         given.command(given)
@@ -39,7 +43,7 @@ def _give_up(sentence: str, exit_code: int = 1) -> NoReturn:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="echogrid", description="A car's corner radars on CAN in, one dense occupancy map out.")
+    parser = arguments.Parser(prog="echogrid", description="A car's corner radars on CAN in, one dense occupancy map out.")
     parser.add_argument("--version", action="version", version=f"echogrid {__version__}")
     parser.add_argument("--log-level", choices=journal.LEVELS, default="info", help="the lowest level that is logged (default: info)")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
@@ -139,7 +143,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _map_parsers(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def _map_parsers(commands: argparse._SubParsersAction[arguments.Parser]) -> None:
     info = commands.add_parser("info", help="what a stored map holds")
     info.add_argument("file", type=Path, metavar="FILE.egmap")
     info.add_argument("--json", action="store_true", help="one JSON object")

@@ -21,7 +21,7 @@ import numpy as np
 from echogrid.can.signals import bus_of
 from echogrid.client import Client, Window
 from echogrid.commands.recorder import Recorder, report
-from echogrid.commands.terminal import progress
+from echogrid.commands.terminal import progress, show_map
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
 from echogrid.core.evidence.raster import rasterize
@@ -32,7 +32,7 @@ from echogrid.live.player import Player, on_virtual_buses
 from echogrid.live.service import Service
 from echogrid.logs.drive import Drive, TrueMap, find_drive, load_truth
 from echogrid.logs.log import Log
-from echogrid.maps.picture import Panel, draw, side_by_side, text
+from echogrid.maps.picture import Panel, draw, side_by_side
 from echogrid.pipeline import Pipeline
 
 PATIENCE = 20.0  # s
@@ -42,9 +42,7 @@ def command(out: Path, model: str | None) -> None:
     """A progress bar, then the map where a terminal shows it, and the summary in words. The rest is as in `demo`."""
     with progress("the demo drive, through the service") as advance:
         summary = demo(out, model, advance)
-    if sys.stdout.isatty():
-        with np.load(out / "map.npz") as file:
-            print(text(file["log_odds"], columns=100))
+    show_map(out)
     report(summary, out)
     print(f"what the subscriber in the other process received: {out / 'received.png'}")
     print(f"detections, analytic map, this map and truth side by side: {out / 'side_by_side.png'}")

@@ -12,7 +12,7 @@ from typing import Any
 from echogrid.can.signals import bus_of
 from echogrid.commands.recorder import Recorder, report
 from echogrid.commands.state_log import StateLog
-from echogrid.commands.terminal import progress
+from echogrid.commands.terminal import progress, show_map
 from echogrid.commands.traffic import Traffic
 from echogrid.config.loading import load_config
 from echogrid.errors import EchogridError, NoMapError
@@ -33,6 +33,7 @@ def command(
     drive = find_drive(path, config)
     with progress(f"replay {path.name}") as advance:
         summary = replay(drive, out, realtime=realtime, model=model, record=record, store=store, on_progress=advance, say=say)
+    show_map(out)
     report(summary, out)
     for note in summary["notes"]:
         print(f"note: {note}")

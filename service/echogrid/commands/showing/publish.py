@@ -13,7 +13,7 @@ import msgspec
 from echogrid.commands.recorder import Recorder, report
 from echogrid.commands.replay import nothing_known, say, true_poses, why_none
 from echogrid.commands.state_log import StateLog
-from echogrid.commands.terminal import progress
+from echogrid.commands.terminal import progress, show_map
 from echogrid.commands.traffic import Traffic
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
@@ -42,6 +42,7 @@ def command(
         summary = publish(
             drive, out, speed=speed, model=model, record=record, store=store, foxglove=foxglove, on_progress=advance, on_start=_stoppable
         )
+    show_map(out)
     report(summary, out)
     for note in summary["notes"]:
         print(f"note: {note}")
