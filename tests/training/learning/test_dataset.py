@@ -35,8 +35,9 @@ from echogrid_training.truth.ground_truth import ternary as true_ternary
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Off the middle of its room and askew, so that nothing looks like its mirror image."""
     folder = tmp_path_factory.mktemp("dataset") / "train-00000"
-    return room_drive(folder, track(1.5, speed=3.0))
+    return room_drive(folder, track(1.5, speed=3.0, x=-5.0, y=2.0, yaw=0.1))
 
 
 def names(folder: Path, *drives: str) -> list[Path]:
@@ -57,11 +58,21 @@ def test_kept_samples_are_those_of_the_drive(drive: Path) -> None:
     np.testing.assert_array_equal(of_detections(held.images)[:, 0] == 1.0, held.images[:, 0] > 0)
 
 
+def test_no_sample_of_the_drive_looks_like_its_mirror_image(drive: Path) -> None:
+    """What the comparison above hangs on: labels that were turned over would not pass it."""
+    labels = load_drive(drive).labels
+    for mirrored_labels in (labels[:, ::-1], labels[:, :, ::-1], labels.transpose(0, 2, 1)):
+        different = (np.sign(labels) != np.sign(mirrored_labels)).mean(axis=(1, 2))
+        assert different.min() > 0.02
+
+
 def test_evidence_that_nearly_cancels_is_still_observed() -> None:
     log_odds = np.array((0.0, np.finfo(np.float32).tiny, -1e-6, 6.0), dtype=np.float32)
-    truth = np.tile(log_odds, (128, 32))
+    truth = np.zeros((128, 128), np.float32)
+    truth[3, 8:12] = log_odds
     held = packed([Sample(0, np.zeros((128, 128), np.uint8), np.zeros((12, 128, 128), np.uint8), truth, IDENTITY)])
-    np.testing.assert_array_equal(ternary(held.labels[0, 0, :4]), (0, 1, -1, 1))
+    np.testing.assert_array_equal(ternary(held.labels[0, 3, 8:12]), (0, 1, -1, 1))
+    assert np.count_nonzero(held.labels) == 3
     assert len(packed([])) == 0
 
 

@@ -34,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="independent",
         help="of classes in the paper's loss (default: independent)",
     )
+    add_choices(parser, "decay")
     parser.add_argument("--epochs", type=positive, metavar="N", help="(default: 30, or 4 short ones with --small)")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of first weights, order and augmentation (default: 0)")
     parser.add_argument("--from", dest="start", type=Path, metavar="FILE", help="a float ONNX file of the default network to go on from")
@@ -45,6 +46,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--resume", action="store_true", help="continue the run in --out where it was interrupted")
 
 
+def add_choices(parser: argparse.ArgumentParser, l2: str) -> None:
+    """What the paper's loss leaves open."""
+    parser.add_argument(
+        "--labels",
+        choices=("ternary", "soft"),
+        default="ternary",
+        help="that the paper's loss compares with: -1, 0 and 1, or tanh(L / 2) of the true log-odds L (default: ternary)",
+    )
+    parser.add_argument(
+        "--l2",
+        choices=("decay", "loss"),
+        default=l2,
+        help=f"AdamW's decay of convolutions, or the squares of all weights in the loss, as the paper has it (default: {l2})",
+    )
+
+
 def run(options: argparse.Namespace, track: Track = untracked) -> str:
     """Trains, judges, exports; returns the figures as a table in Markdown. Raises EchogridError."""
     from echogrid_training.learning import export, train, warm_start
@@ -52,11 +69,12 @@ def run(options: argparse.Namespace, track: Track = untracked) -> str:
     learned, held_out = split(find_drives(options.drives))
     samples, validation = (load_drives(drives, track, disturbed=True, workers=options.workers) for drives in (learned, held_out))
     chosen: dict[str, Any] = {} if options.epochs is None else {"epochs": options.epochs}
+    chosen |= {"labels": options.labels, "l2": options.l2}
     if options.start is not None:
         if options.network != "default":
             raise EchogridError(f"--from {options.start}: is for the default network, found --network {options.network}")
         chosen["rate"] = warm_start.RATE
-    settings = (train.small if options.small else train.Settings)(options.network, options.weighting, seed=options.seed, **chosen)
+    settings = replace((train.small if options.small else train.Settings)(options.network, options.weighting, seed=options.seed), **chosen)
     start = None if options.start is None else warm_start.started(options.start, samples)
     trained = train.fit(samples, validation, settings, options.out, resume=options.resume, track=track, start=start)
     if int(os.environ.get("RANK", "0")):
