@@ -65,7 +65,8 @@ def test_all_methods_are_judged_on_all_levels(found: tuple[str, Path]) -> None:
     results = json.loads((found[1] / "results.json").read_text())
     assert (results["drives"], results["towns"], results["calibration_drives"], results["patches"]) == (1, 1, 1, 4)
     assert set(results["levels"]["patch"]) == {"mean patch", "tiny", "lidar", *BASELINES}
-    maps = {"Elfes, sum", "tiny, looks", "tiny, sum", "tiny, learned layer of looks", "geometric layer of looks"}
+    maps = {"Elfes, sum", "Elfes, sum, tuned", "geometric layer of looks"}
+    maps |= {f"tiny, {rule}" for rule in ("looks", "sum", "sum without clamp", "learned layer of looks")}
     for level in ("around", "finished", "revisited", "after 1 looks"):
         assert set(results["levels"][level]) == maps
     for row in results["levels"]["patch"].values():

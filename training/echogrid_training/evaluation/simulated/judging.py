@@ -71,12 +71,12 @@ def judged(folder: Path, plan: Plan, count: int, probed: bool) -> Judged:
     tape, book = load_tape(folder), Book(plan)
     learned, geometry = networks(plan.files, tape.mounts), Geometry(tape)
     patch, number = judge_patches(tape, plan, learned, count, book)
-    of, finished = rows(tape, geometry, learned), []
+    of, finished = rows(tape, geometry, learned, plan.elfes), []
     for view in drive_through(tape, of):
         book.add_view(view.level, view)
         if view.level == "finished":
             finished.append(view)
-    for looks, view in cold_starts(tape, geometry, learned):
+    for looks, view in cold_starts(tape, geometry, learned, plan.elfes):
         book.add_view(f"after {looks} looks", view)
     if probed:
         for view in revisits(tape, of):

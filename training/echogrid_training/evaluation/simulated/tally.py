@@ -30,6 +30,7 @@ from echogrid_training.truth.ground_truth import soft, ternary
 
 BINS, WIDEST = 2048, 16.0  # of log-odds, from -WIDEST to WIDEST: 1/64 wide
 REACHES = (1.0, 2.0)  # cells, of the boundary's F
+SURE = 3.5  # log-odds: the service's clamp of sums
 SAFE = 0.1  # what is stated below is taken for free
 CLASSES = (-1, 0, 1)
 RESAMPLED, INTERVAL = 1000, (2.5, 97.5)
@@ -70,6 +71,7 @@ class Tally:
     said: Counts  # (2,): cells about which the method says something, all cells
     published: Floats  # (3, ECE_BINS): reliability of scores as they are, where something is said
     published_surprise: Floats  # ()
+    sure: Counts  # (2,): cells with scores of SURE or more by amount, as they are, and those of them whose truth is the other
 
 
 def tally(scores: Scores, label: Image | None, place: Place, reading: Reading, to_occupied: Floats | None = None) -> Tally:
@@ -96,6 +98,7 @@ def tally(scores: Scores, label: Image | None, place: Place, reading: Reading, t
         said=np.array([said.sum(), len(said)]),
         published=reliability(probability(raw[said]), y[said]),
         published_surprise=np.array(surprise(raw[said], y[said]).sum()),
+        sure=np.array([np.sum(np.abs(raw) >= SURE), np.sum(((raw > 0) != y)[np.abs(raw) >= SURE])]),
     )
 
 
@@ -130,6 +133,8 @@ def figures(of: Tally) -> dict[str, float]:
         "said": ratio(float(of.said[0]), cells),
         "published_nll": ratio(float(of.published_surprise), float(of.said[0])),
         "published_ece": calibration_error(of.published),
+        "sure": ratio(float(of.sure[0]), float(of.said[0])),
+        "sure_and_wrong": ratio(float(of.sure[1]), float(of.sure[0])),
     }
     for kind, sums in zip(("mse", "soft_mse"), of.errors, strict=True):
         for name, error, count in zip(("free", "unknown", "occupied"), *sums.tolist(), strict=True):

@@ -28,7 +28,13 @@ CLASS_MSE = {
     "soft_mse_unknown": "unknown",
     "soft_mse_occupied": "occupied",
 }
-PUBLISHED = {"said": "share of cells known", "published_nll": "NLL as published", "published_ece": "ECE as published"}
+PUBLISHED = {
+    "said": "share of cells known",
+    "published_nll": "NLL as published",
+    "published_ece": "ECE as published",
+    "sure": "beyond ±3.5",
+    "sure_and_wrong": "wrong of these",
+}
 MAPS = {"around": "The map around the car, every 5 m of way", "finished": "The finished map, at the same places"}
 
 
