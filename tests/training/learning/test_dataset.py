@@ -15,6 +15,7 @@ from echogrid.core.motion.se2 import IDENTITY
 from echogrid.errors import EchogridError
 from echogrid_training.drives.samples import Sample, samples
 from echogrid_training.learning.dataset import (
+    SPEC,
     Samples,
     find_drives,
     joined,
@@ -31,6 +32,7 @@ from echogrid_training.learning.dataset import (
 )
 from echogrid_training.truth.ground_truth import soft as true_soft
 from echogrid_training.truth.ground_truth import ternary as true_ternary
+from echogrid_training.truth.simulated_truth import load_simulated_truth
 
 
 @pytest.fixture(scope="module")
@@ -103,8 +105,9 @@ def test_samples_are_cut_anew_only_when_the_drive_changes(drive: Path, tmp_path:
     first = load_drive(copy)
     cut: list[Path] = []
 
-    def counted(folder: Path, disturbance: object) -> list[Sample]:
+    def counted(folder: Path, disturbance: object, *, whole: bool) -> list[Sample]:
         assert disturbance is None
+        assert not whole
         cut.append(folder)
         return list(samples(folder))
 
@@ -133,6 +136,21 @@ def test_disturbed_samples_are_kept_beside_the_others(drive: Path, tmp_path: Pat
     one = load_drive(tmp_path / "again" / "train-00001", disturbed=True)
     assert one.digest() == whole.chosen(np.arange(len(whole) - len(one), len(whole))).digest()
     assert one.digest() != load_drive(tmp_path / "again" / "train-00001").digest()
+
+
+def test_whole_samples_have_the_papers_labels_and_are_kept_apart(drive: Path) -> None:
+    """The true map's patch at the sample's pose, by a look-up of its own; the other samples tell less of it and nothing else."""
+    truth = load_simulated_truth(drive / "truth.npz")
+    told = load_drive(drive)
+    for _ in range(2):  # cut, and read back
+        held = load_drives([drive], whole=True)
+        for index, sample in enumerate(samples(drive)):
+            patch = truth.map.patch(sample.truth_from_base, SPEC)
+            np.testing.assert_array_equal(ternary(held.labels[index]), np.sign(patch))
+        known = told.labels != 0
+        np.testing.assert_array_equal(held.labels[known], told.labels[known])
+        assert np.count_nonzero(held.labels) > 1.05 * np.count_nonzero(known)
+        np.testing.assert_array_equal(held.images, told.images)
 
 
 def test_a_drive_of_another_grid_is_refused(drive: Path, tmp_path: Path) -> None:

@@ -198,10 +198,10 @@ def _fit(
                 board.add_scalar("loss", loss.item(), step)
         run.epoch = epoch + 1
         if board is not None:
-            errors = judge(way, run.average, thinned(held_out, LOOK))["ternary"]
+            mse = judge(way, run.average, thinned(held_out, LOOK))["ternary"]
             line = {"epoch": run.epoch, "step": run.epoch * per_epoch, "loss": total / per_epoch, "seconds": time.monotonic() - began}
-            _note(out / LOG, line | {"held_out_mse": errors})
-            for name, error in errors.items():
+            _note(out / LOG, line | {"held_out_mse": mse})
+            for name, error in mse.items():
                 board.add_scalar(f"held-out class MSE/{name}", error, run.epoch * per_epoch)
             _save(out / CHECKPOINT, {"what": what, "run": run.state()})
     if board is not None:
@@ -229,12 +229,17 @@ def follow(average: nn.Module, model: nn.Module, keep: float) -> None:
 
 def judge(recipe: Recipe, model: nn.Module, samples: Samples) -> dict[str, dict[str, float]]:
     """Class MSE, pooled over all pixels: 'ternary' against labels -1, 0 and 1 as in the paper's Table I, 'soft' against tanh(L / 2)."""
+    return {name: class_mse(total) for name, total in errors(recipe, model, samples).items()}
+
+
+def errors(recipe: Recipe, model: nn.Module, samples: Samples) -> dict[str, Tensor]:
+    """What `judge` is made of: loss.class_sums of all samples, which add up over towns."""
     sums = {"ternary": torch.zeros(2, 3, dtype=torch.float64), "soft": torch.zeros(2, 3, dtype=torch.float64)}
     for output, labels in inferred(recipe, model, samples):
         answer = recipe.label(output)
         for name, label in (("ternary", ternary(labels)), ("soft", soft(labels))):
             sums[name] += class_sums(answer, torch.from_numpy(label))
-    return {name: class_mse(total) for name, total in sums.items()}
+    return sums
 
 
 @torch.inference_mode()

@@ -34,7 +34,6 @@ from echogrid_training.evaluation.simulated.maps import (
 )
 from echogrid_training.evaluation.simulated.tape import Tape, play
 
-
 OTHERS = tuple(
     Elfes(False, BeamModel(free=free, beam_sigma=sigma), clamp) for free, sigma, clamp in ((-0.3, 0.04, 2.0), (-0.12, 0.018, 1e6))
 )

@@ -13,12 +13,11 @@ from echogrid_training.evaluation.simulated.tally import (
     by_stratum,
     class_errors,
     figures,
-    interval,
     resampled,
-    resamples,
     summed,
     tally,
 )
+from echogrid_training.learning.resampling import interval, resamples
 from echogrid_training.truth.ground_truth import soft, ternary
 
 SIDE = 24

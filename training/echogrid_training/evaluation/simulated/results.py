@@ -15,7 +15,8 @@ from echogrid_training.evaluation.simulated.judging import Judged
 from echogrid_training.evaluation.simulated.learned import Key
 from echogrid_training.evaluation.simulated.maps import TUNED
 from echogrid_training.evaluation.simulated.patches import STRATA
-from echogrid_training.evaluation.simulated.tally import Tally, by_stratum, figures, interval, resampled, resamples, summed
+from echogrid_training.evaluation.simulated.tally import Tally, by_stratum, figures, resampled, summed
+from echogrid_training.learning.resampling import interval, resamples
 
 REFERENCE = {"patch": "Elfes, 15 m", "around": TUNED, "finished": TUNED}  # what others are compared with, town by town
 
@@ -32,7 +33,7 @@ def results(of: Sequence[Judged], plan: Plan, calibrating: int) -> Figures:
         "patches": sum(one.patches for one in of),
         "models": {name: [str(file.path) for file in plan.files if file.name == name] for name in {file.name: 0 for file in plan.files}},
         "tuned": {name: repr(method) for (name, _), method in plan.methods.items() if name != MEAN_PATCH}
-        | {TUNED: repr(method) for method in plan.elfes},
+        | dict.fromkeys([TUNED] * len(plan.elfes), repr(plan.elfes)),
         "levels": {level: _level(level, of) for level in levels},
         "standstill": _worst([one.standstill for one in of]),
         "revisit": _revisit(of),

@@ -33,7 +33,6 @@ REACHES = (1.0, 2.0)  # cells, of the boundary's F
 SURE = 3.5  # log-odds: the service's clamp of sums
 SAFE = 0.1  # what is stated below is taken for free
 CLASSES = (-1, 0, 1)
-RESAMPLED, INTERVAL = 1000, (2.5, 97.5)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,11 +155,6 @@ def by_stratum(of: Tally, names: Sequence[str]) -> dict[str, dict[str, float]]:
     return out
 
 
-def resamples(towns: int, seed: int = 0) -> Counts:
-    """(RESAMPLED, towns): how often each town is drawn, as many draws as towns, with replacement."""
-    return np.random.default_rng(seed).multinomial(towns, np.full(towns, 1 / towns), size=RESAMPLED)
-
-
 def resampled(towns: Sequence[Tally], draws: Counts) -> dict[str, Floats]:
     """(RESAMPLED,) of each headline figure, with the towns drawn as `resamples` says: the same draws for all methods, so pairs compare."""
     histogram = np.tensordot(draws.astype(float), np.stack([town.histogram[0] for town in towns]).astype(float), axes=1)  # floats: BLAS
@@ -173,9 +167,3 @@ def resampled(towns: Sequence[Tally], draws: Counts) -> dict[str, Floats]:
         "nll": draws @ np.array([town.surprise[0] for town in towns]) / np.maximum(cells, 1),
         "ece": np.abs(table[:, 1] - table[:, 2]).sum(axis=1) / np.maximum(cells, 1),
     }
-
-
-def interval(values: Floats) -> tuple[float, float]:
-    """The middle 95 in 100 of resampled figures."""
-    low, high = np.nanpercentile(values, INTERVAL)
-    return float(low), float(high)
