@@ -69,6 +69,8 @@ def test_all_methods_are_judged_on_all_levels(found: tuple[str, Path]) -> None:
     maps |= {f"tiny, {rule}" for rule in ("looks", "sum", "sum without clamp", "learned layer of looks")}
     for level in ("around", "finished", "revisited", "after 1 looks"):
         assert set(results["levels"][level]) == maps
+    for row in results["levels"]["finished"].values():
+        assert row["mse_free"] is not None
     for row in results["levels"]["patch"].values():
         assert set(row["strata"]) == set(STRATA)
         np.testing.assert_allclose(row["interval"]["ap"], row["ap"], atol=1e-9)  # one town alone

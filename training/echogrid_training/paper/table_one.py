@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from echogrid.core.messages import Floats
 from echogrid_training.learning.loss import CLASSES, Weighting
@@ -39,7 +40,7 @@ def table(networks: Sequence[Autoencoder]) -> list[Line]:
     return [_line(kind, [network for network in networks if (network.sensor, network.weighting) == kind], draws) for kind in PAPERS]
 
 
-def _line(kind: tuple[Sensor, Weighting], seeds: Sequence[Autoencoder], draws: Floats) -> Line:
+def _line(kind: tuple[Sensor, Weighting], seeds: Sequence[Autoencoder], draws: NDArray[np.int64]) -> Line:
     mean, spread, drawn = {}, {}, {}
     for labels in KINDS:
         sums = np.stack([seed.towns[labels] for seed in seeds])  # (S, T, 2, 3)
@@ -79,11 +80,11 @@ def observations(lines: Sequence[Line]) -> list[tuple[str, bool, float]]:
     """What the paper reads off its table, whether it can be read off ours, and in what share of the draws of towns."""
     of = {(line.sensor, line.weighting): line for line in lines}
 
-    def below(one: Line, other: Line, name: str) -> tuple[bool, Floats]:
+    def below(one: Line, other: Line, name: str) -> tuple[bool, NDArray[np.bool_]]:
         cell = ("ternary", name)
         return one.mean[cell] < other.mean[cell], one.drawn[cell] < other.drawn[cell]
 
-    claims: list[tuple[str, list[tuple[bool, Floats]]]] = [
+    claims: list[tuple[str, list[tuple[bool, NDArray[np.bool_]]]]] = [
         (
             f"{sensor}: the inverse class ratio errs less on free cells and more on occupied ones than the independent class MSE",
             [

@@ -63,7 +63,7 @@ class Book:
 
     def add_view(self, level: str, view: View) -> None:
         readings = self.plan.readings["around" if view.level in ("around", "cold") else "finished"]
-        self.add(level, readings, view.place, ((key, Answer(scores)) for key, scores in view.scores.items()))
+        self.add(level, readings, view.place, ((key, Answer.of_log_odds(scores)) for key, scores in view.scores.items()))
 
 
 def judged(folder: Path, plan: Plan, count: int, probed: bool) -> Judged:

@@ -40,7 +40,7 @@ MAPS = {"around": "The map around the car, every 5 m of way", "finished": "The f
 
 def tables(results: Row) -> str:
     """All of them, one after the other."""
-    levels, models = results["levels"], results["models"]
+    levels = results["levels"]
     head = (
         f"{results['drives']} test drives through {results['towns']} towns, {results['patches']} patches; parameters, readings and "
         f"thresholds from {results['calibration_drives']} drives through other towns. "
@@ -53,7 +53,8 @@ def tables(results: Row) -> str:
     parts.append(("AP and NLL by visibility", _strata(levels["patch"], STRATA[len(RINGS) :])))
     for level, title in MAPS.items():
         parts.append((title, _figures(levels[level], COLUMNS)))
-        parts.append((f"{title}: as published", _figures(_published(levels[level], models), PUBLISHED)))
+        parts.append((f"{title}: as published", _figures(_published(levels[level]), PUBLISHED)))
+        parts.append((f"{title}: class errors as published", _figures(_published(levels[level]), CLASS_MSE)))
     parts.append((f"Against {REFERENCE['patch']} and {REFERENCE['around']}: intervals of the difference", _differences(levels)))
     parts.append(("IoU after a cold start, by looks of 0.5 m", _cold(levels)))
     parts.append(("Standing, and the same way twice", _probes(results)))
@@ -88,8 +89,8 @@ def _figures(rows: dict[str, Row], columns: dict[str, str]) -> str:
     return markdown(("method", *columns.values()), [(name, *(_with(row, column) for column in columns)) for name, row in kept.items()])
 
 
-def _published(rows: dict[str, Row], models: dict[str, Any]) -> dict[str, Row]:
-    """What the service can publish: not the layers of a map alone."""
+def _published(rows: dict[str, Row]) -> dict[str, Row]:
+    """What the service can publish, by one configuration or another: not the layers of a map alone."""
     return {name: row for name, row in rows.items() if "layer" not in name}
 
 
