@@ -14,7 +14,7 @@ from echogrid.core.messages import Floats
 from echogrid_training.evaluation.metrics import Mask
 from echogrid_training.evaluation.reading import Reading, Scores, fit_reading, unlikelihood
 from echogrid_training.evaluation.simulated.baselines import BASELINES, MEAN_PATCH, Elfes, MeanPatch, Method, mean_patch
-from echogrid_training.evaluation.simulated.learned import File, Key, networks, upper_bounds
+from echogrid_training.evaluation.simulated.learned import File, Key, lidar_networks, networks
 from echogrid_training.evaluation.simulated.maps import TUNED, Geometry, drive_through, rows
 from echogrid_training.evaluation.simulated.patches import patches
 from echogrid_training.evaluation.simulated.tally import Place
@@ -59,11 +59,11 @@ class Shown:
 def shown(folder: Path, files: Sequence[File], with_maps: bool) -> Shown:
     """All candidates on one drive's patches and, if asked for, all maps. Raises EchogridError."""
     tape, rng = load_tape(folder), np.random.default_rng(zlib.crc32(folder.name.encode()))
-    learned, bounds = networks(files, tape.mounts), upper_bounds(files)
+    learned, of_lidar = networks(files, tape.mounts), lidar_networks(files)
     out = Shown([], np.zeros((SPEC.cells, SPEC.cells)), np.zeros((SPEC.cells, SPEC.cells)))
     for patch in patches(tape, PATCHES):
         said = {(name, index): method(patch).scores for name, grid in BASELINES.items() for index, method in enumerate(grid)}
-        said |= {key: network.answer(patch).scores for key, network in (learned | bounds).items()}
+        said |= {key: network.answer(patch).scores for key, network in (learned | of_lidar).items()}
         out.drawn.append(draw("patch", patch.place, said, rng))
         out.free[:] += patch.place.truth < 0
         out.occupied[:] += patch.place.truth > 0

@@ -16,7 +16,7 @@ from echogrid_training.evaluation.metrics import distances
 from echogrid_training.evaluation.reading import Reading
 from echogrid_training.evaluation.simulated.baselines import Answer
 from echogrid_training.evaluation.simulated.calibrating import Plan
-from echogrid_training.evaluation.simulated.learned import Key, Network, networks, upper_bounds
+from echogrid_training.evaluation.simulated.learned import Key, Network, lidar_networks, networks
 from echogrid_training.evaluation.simulated.maps import Geometry, View, drive_through, rows
 from echogrid_training.evaluation.simulated.patches import Patch, patches
 from echogrid_training.evaluation.simulated.probes import cold_starts, revisits, standstill
@@ -89,7 +89,7 @@ def judged(folder: Path, plan: Plan, count: int, probed: bool) -> Judged:
 def judge_patches(tape: Tape, plan: Plan, learned: dict[Key, Network], count: int, book: Book) -> tuple[Picture | None, int]:
     """Into the book; returns the middle patch as a picture, and how many there were."""
     readings, picture, number = plan.readings["patch"], None, 0
-    every = learned | upper_bounds(plan.files)
+    every = learned | lidar_networks(plan.files)
     for number, patch in enumerate(patches(tape, count), start=1):
         answers = {key: method(patch) for key, method in plan.methods.items()}
         answers |= {key: network.answer(patch) for key, network in every.items()}
