@@ -34,7 +34,16 @@ from echogrid.recording.mcap_writer import McapWriter
 from echogrid.topics.cdr import encode_string
 from echogrid.topics.topic import FULL, NAMESPACE, Message
 
-ROS = {"/echogrid/map", "/echogrid/map_trinary", "/echogrid/map_updates", "/echogrid/odom", "/tf", "/echogrid/detections", "/diagnostics"}
+ROS = {
+    "/echogrid/map",
+    "/echogrid/map_trinary",
+    "/echogrid/map_updates",
+    "/echogrid/odom",
+    "/tf",
+    "/echogrid/detections",
+    "/echogrid/detections_judged",
+    "/diagnostics",
+}
 ALL: dict[str, Any] = {
     "dst_version": 8,
     "compress": None,
@@ -152,7 +161,7 @@ def test_a_torn_recording_is_mapped_up_to_where_it_tears(drive: Path, tmp_path: 
 def test_a_log_of_another_car_leaves_no_recording_behind(drive: Path, tmp_path: Path) -> None:
     (tmp_path / "other.log").write_text("(1.0) can0 123#00\n(2.0) can0 456#00\n")
     done = echogrid("replay", tmp_path / "other.log", "-c", drive / "echogrid.toml", "--record", tmp_path / "a.mcap")
-    assert done.returncode == 1
+    assert done.returncode == 3
     assert "none of its 2 frames is one that" in done.stderr
     assert not (tmp_path / "a.mcap").exists()
 

@@ -23,7 +23,8 @@ from echogrid_training.evaluation.simulated import calibrating, probes
 from echogrid_training.evaluation.simulated.baselines import BASELINES
 from echogrid_training.evaluation.simulated.patches import STRATA
 from echogrid_training.evaluation.simulated.results import cleaned
-from echogrid_training.evaluation.tables.table import markdown, number
+from echogrid_training.evaluation.tables.markdown import markdown
+from echogrid_training.evaluation.tables.table import number
 from echogrid_training.learning.train import Settings, fit
 from echogrid_training.sensors.episode import paper_like
 

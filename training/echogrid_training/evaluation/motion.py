@@ -10,7 +10,7 @@ import numpy as np
 
 from echogrid.core.motion.error_filter import Kept, Learns
 from echogrid_training.evaluation.recorded.reckoning import Score, hear, reckon, score
-from echogrid_training.evaluation.tables.table import markdown
+from echogrid_training.evaluation.tables.markdown import markdown
 from echogrid_training.recording import Track, untracked
 
 WAYS: tuple[Learns, ...] = ("never", "standing", "driving")

@@ -8,6 +8,7 @@ from typing import Any
 from echogrid_training.evaluation.simulated.patches import RINGS, STRATA
 from echogrid_training.evaluation.simulated.probes import LOOKS, STANDING
 from echogrid_training.evaluation.simulated.results import REFERENCE
+from echogrid_training.evaluation.tables.markdown import markdown
 
 Row = dict[str, Any]
 COLUMNS = {  # of figures: heading by name
@@ -61,12 +62,6 @@ def tables(results: Row) -> str:
     parts += [(f"Sweep: {name}", _sweep(points)) for name, points in results.get("sweep", {}).items()]
     parts.append(("As tuned", "\n".join(f"- {name}: `{method}`" for name, method in results["tuned"].items())))
     return "\n\n".join(f"### {title}\n\n{body}" if title else body for title, body in parts if body) + "\n"
-
-
-def markdown(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """The first column is text, the others are numbers."""
-    lines = ["| " + " | ".join(heads) + " |", "| --- |" + " ---: |" * (len(heads) - 1)]
-    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
 
 
 def number(value: float | None) -> str:
