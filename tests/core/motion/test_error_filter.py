@@ -70,12 +70,13 @@ def test_a_mounts_yaw_is_no_better_known_than_the_bias_lets_it() -> None:
         assert found(learning, place + model.YAW)[1] > 0.9 * bias * abs(mount.base_from_sensor.x) / 3.0, name
 
 
-def test_standing_still_finds_the_bias() -> None:
+@pytest.mark.parametrize("bias", [-0.41, 2.5])
+def test_standing_still_finds_the_bias_also_one_far_beyond_the_prior(bias: float) -> None:
     count = round(10.0 / STEP)
-    odometry = follow(Driven(np.zeros(count), np.zeros(count), Errors(bias=-0.41 * DEGREE), seed=5))
+    odometry = follow(Driven(np.zeros(count), np.zeros(count), Errors(bias=bias * DEGREE), seed=5))
     value, sigma = found(odometry, model.BIAS)
     assert sigma < 0.03 * DEGREE
-    assert abs(value + 0.41 * DEGREE) < 2 * sigma
+    assert abs(value - bias * DEGREE) < 2 * sigma
     assert odometry.errors.bias == value
 
 

@@ -122,7 +122,7 @@ class ErrorFilter:
     def stood(self, seconds: float, yaw_rate: float) -> None:
         """The gyro's mean (rad/s) over so many seconds in which the car surely stood."""
         if self.learns != "never":
-            self._observe({BIAS: 1.0}, yaw_rate - self.mean[BIAS], model.STANDING_NOISE**2 / seconds)
+            self._observe({BIAS: 1.0}, yaw_rate - self.mean[BIAS], model.STANDING_NOISE**2 / seconds, farthest=math.inf)
 
     def see(self, information: Floats, vector: Floats) -> None:
         """A measurement of Doppler in information form, (E, E) and (E,) over all errors: Hᵀ R⁻¹ H and Hᵀ R⁻¹ (measured - expected).
@@ -211,13 +211,13 @@ class ErrorFilter:
                 self._votes = max(-MOST_VOTES, min(self._votes + (1 if turn * apart > 0.0 else -1), MOST_VOTES))
         return self._votes >= 0
 
-    def _observe(self, slope: Mapping[int, float], left: float, variance: float) -> None:
-        """One number that differs by `left` from the expected one, unless it is too far off to be a measurement."""
+    def _observe(self, slope: Mapping[int, float], left: float, variance: float, farthest: float = FARTHEST) -> None:
+        """One number that differs by `left` from the expected one, unless that is too many sigmas to be a measurement."""
         h = np.zeros(len(self.mean))
         h[list(slope)] = list(slope.values())
         along = self.covariance @ h
         total = float(h @ along) + variance
-        if left * left > FARTHEST**2 * total:
+        if left * left > farthest**2 * total:
             return
         gain = along / total
         self._update(np.outer(gain, h), variance * np.outer(gain, gain), gain * left)
