@@ -50,7 +50,7 @@ def command(log: Path, dbcs: Sequence[Path], out: Path, *, force: bool) -> bool:
     for name, text in texts.items():
         with whole(out.parent / name) as partial:
             partial.write_text(text)
-    print("\n".join(_told(found, proposal, report, out, list(texts))))
+    print("\n".join(_told(found, proposal, report, log, out, list(texts))))
     if torn is not None:
         raise torn
     return report is not None and not report.findings and not proposal.missing
@@ -91,7 +91,7 @@ def _mended(proposal: Proposal, log: Path) -> Report:
     raise AssertionError
 
 
-def _told(found: Survey, proposal: Proposal, report: Report | None, out: Path, names: Sequence[str]) -> list[str]:
+def _told(found: Survey, proposal: Proposal, report: Report | None, log: Path, out: Path, names: Sequence[str]) -> list[str]:
     """What was found, what is uncertain, what is missing and what a check still says."""
     lines = []
     for radar in found.radars:
@@ -118,6 +118,12 @@ def _told(found: Survey, proposal: Proposal, report: Report | None, out: Path, n
         lines += [f"check still says [{one.code}] {one.sentence}" for one in report.findings]
         lines += [f"not judged [{one.code}]: {one.sentence}" for one in report.judgement.undecided]
     lines += ["", f"written: {', '.join(str(out.parent / name) for name in names)}"]
-    accepted = report is not None and not report.findings
-    lines.append(f"next: echogrid check -c {out} LOG" if accepted else f"{out}: a check does not accept it yet")
+    if report is None:
+        lines.append(f"{out}: is not complete yet")
+    elif any(fix.config or fix.profiles for fix in report.fixes):
+        lines.append(f"{out}: a check does not accept it yet; it says what would mend it: echogrid check -c {out} {log}")
+    elif report.findings:
+        lines.append(f"{out}: what a check still says is of the recording or the radars; no line of the configuration mends it")
+    else:
+        lines.append(f"a check accepts it. Next: measure what is uncertain, then echogrid check -c {out} {log}")
     return lines

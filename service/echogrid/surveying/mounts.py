@@ -146,6 +146,12 @@ def placed(told: Sequence[Seen | None], corners: Sequence[str | None], sure: boo
     free = ["front_left", "front_right", "rear_left", "rear_right"]
     usual = {"front_left": 45.0, "front_right": -45.0, "rear_left": 135.0, "rear_right": -135.0}
     named = [_corner(one) if one is not None else corner for one, corner in zip(told, corners, strict=True)]
+    for end in ("front", "rear"):
+        if named.count(end) > 1:  # two that look straight ahead, or back, sit left and right
+            named = [
+                f"{end}_{'left' if one is not None and one.yaw > 0 else 'right'}" if name == end else name
+                for one, name in zip(told, named, strict=True)
+            ]
     out: list[Placed] = []
     used: dict[str, int] = {}
     for one, name in zip(told, named, strict=True):
@@ -159,9 +165,9 @@ def placed(told: Sequence[Seen | None], corners: Sequence[str | None], sure: boo
             yaw, about_place = round(math.degrees(one.yaw), 1), "the usual place; measure it"
             if not sure:
                 about_yaw = MIRRORED
-            if one.sigma < BETTER:
-                x, y = _within(one.x, one.y)
-                about_place = f"by Doppler, ±{one.sigma:.1f} m; measure it"
+            if one.sigma < BETTER:  # y bends range rates as small errors of azimuth do: the usual one is as good
+                x = _within(one.x)
+                about_place = f"by Doppler x = {one.x:.1f}, y = {one.y:.1f}, ±{one.sigma:.1f} m or more; measure it"
         used[corner] = used.get(corner, 0) + 1
         label = corner if used[corner] == 1 else f"{corner}_{used[corner]}"
         out.append(Placed(label, x, y, yaw, about_place, about_yaw))
@@ -181,11 +187,10 @@ def _corner(one: Seen) -> str:
     return f"{'front' if abs(degrees) < 90 else 'rear'}_{side}"
 
 
-def _within(x: float, y: float) -> tuple[float, float]:
+def _within(x: float) -> float:
     """The nearest place within the car's outline."""
     body = Body()
-    half = body.width / 2
-    return round(min(max(x, -body.rear_overhang), body.length - body.rear_overhang), 1), round(min(max(y, -half), half), 1)
+    return round(min(max(x, -body.rear_overhang), body.length - body.rear_overhang), 1)
 
 
 def _nominal(corner: str) -> tuple[float, float]:
