@@ -51,7 +51,6 @@ def test_subscribers_get_the_map_of_the_file_at_its_pace(endpoint: str, tmp_path
     assert window is not None
     assert judged is not None
     assert judged.stamp_ns == window.stamp_ns
-    assert "ok" in states
     assert {"echogrid/v1/test/grid/fused/full", "echogrid/v1/test/tf"} <= keys
     assert any(key.startswith("0/echogrid/map/nav_msgs") for key in keys)  # ROS's names
     summary = replay(find_drive(drive, None), tmp_path / "file")

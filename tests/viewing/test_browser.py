@@ -174,10 +174,12 @@ def test_the_pages_numbers_are_the_clients_and_it_comes_back(page: Any, endpoint
             page.goto(f"http://127.0.0.1:{port}/")
             wait(page, "window.echogrid?.pose")
             window = pose = judged = None
-            while not run.ended.is_set():
+            ended = False
+            while not ended:
+                ended = run.ended.is_set()  # and once more
                 window, pose = client.follow(0.05) or window, client.odometry(0.0) or pose
                 judged = client.judged(0.0) or judged
-            wait(page, "document.querySelector('#state').textContent === 'stopped'")
+            wait(page, "['stopped', 'silent'].includes(document.querySelector('#state').textContent)")
             assert window is not None
             stamp = page.evaluate("echogrid.pose.stamp")
             assert stamp == pytest.approx(pose.stamp_ns * 1e-9, abs=2e-6)
