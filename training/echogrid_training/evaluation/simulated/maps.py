@@ -45,10 +45,6 @@ class Row:
         """Whether this is what the service publishes of the map."""
         return self.read == self.mapper.map.read
 
-    def at(self, odom_from_base: SE2) -> Scores:
-        """(H, W) around a pose."""
-        return self.read(patch(self.mapper.map, odom_from_base, SPEC))
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
@@ -163,7 +159,8 @@ def drive_through(tape: Tape, of: Sequence[Row]) -> Iterator[View]:
 def view(level: Level, tape: Tape, of: Sequence[Row], stop: Stop) -> View:
     """Of all rows' maps at a place."""
     place = Place.plain(tape.truth.map.patch(stop.truth_from_base, SPEC), outside(tape.config, SPEC))
-    return View(level, place, {row.key: row.at(stop.odom_from_base) for row in of})
+    layers = {id(mapper): patch(mapper.map, stop.odom_from_base, SPEC) for mapper in mappers(of)}
+    return View(level, place, {row.key: row.read(layers[id(row.mapper)]) for row in of})
 
 
 def replayed(tape: Tape, of: Sequence[Row]) -> list[Row]:
