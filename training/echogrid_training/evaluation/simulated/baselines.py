@@ -169,14 +169,14 @@ BASELINES: dict[str, tuple[Method, ...]] = {  # by name, the methods among which
     **{
         name: tuple(
             Elfes(history, BeamModel(free=free, beam_sigma=sigma), clamp)
-            for sigma in (0.009, 0.018, 0.036)  # rad
-            for free in (-0.06, -0.12, -0.24, -0.48)
-            for clamp in (2.0, 3.5, 7.0)
+            for sigma in (0.009, 0.018, 0.036, 0.072)  # rad
+            for free in (-0.015, -0.03, -0.06, -0.12, -0.24)
+            for clamp in (1.0, 2.0, 3.5, 7.0)
         )
         for name, history in (("Elfes, now", False), ("Elfes, 15 m", True))
     },
     "nearest fill": tuple(NearestFill(length, least) for length in (0.35, 0.5, 0.7, 1.0, 1.4) for least in (1, 2)),
-    "Gaussian process": tuple(Regressed(GaussianProcess(length, noise)) for length in LENGTHS for noise in (0.5, 1.0, 2.0)),
-    "Hilbert map": tuple(Regressed(HilbertMap(length, ridge)) for length in LENGTHS for ridge in (0.03, 0.1, 0.3, 1.0)),
+    "Gaussian process": tuple(Regressed(GaussianProcess(length, noise)) for length in LENGTHS for noise in (0.5, 1.0, 2.0, 4.0, 8.0)),
+    "Hilbert map": tuple(Regressed(HilbertMap(length, ridge)) for length in LENGTHS for ridge in (0.1, 0.3, 1.0, 3.0, 10.0)),
 }
 MEAN_PATCH = "mean patch"  # the baseline that is made of the calibration towns themselves

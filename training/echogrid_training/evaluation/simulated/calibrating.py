@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.core.evidence.inverse_sensor_model import BeamModel
 from echogrid.core.messages import Floats
 from echogrid_training.evaluation.metrics import Mask
 from echogrid_training.evaluation.reading import Reading, Scores, fit_reading, unlikelihood
@@ -24,7 +25,12 @@ from echogrid_training.learning.dataset import SPEC
 PATCHES = 24  # of a calibration drive
 CELLS = 1000  # of a patch or a window, drawn of those that count
 LEVELS = ("patch", "around", "finished")
-SUMMED = tuple(one for one in BASELINES["Elfes, now"] if isinstance(one, Elfes))  # of which the map is tuned: around the car
+SUMMED = tuple(  # of which the map is tuned, around the car
+    Elfes(False, BeamModel(free=free, beam_sigma=sigma), clamp)
+    for sigma in (0.009, 0.018, 0.036)
+    for free in (-0.015, -0.03, -0.06, -0.12)
+    for clamp in (1.0, 2.0, 3.5)
+)
 
 
 @dataclass(frozen=True, slots=True)
