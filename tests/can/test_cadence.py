@@ -6,7 +6,6 @@ import random
 
 import pytest
 from hypothesis import assume, given, settings
-import pytest
 from hypothesis import strategies as st
 
 from echogrid.can.cadence import JUMP, Cadence
