@@ -37,7 +37,8 @@ const pixels = new Uint8ClampedArray(TILE * TILE * 4);
 const planes = { 0: new Int8Array(TILE * TILE).fill(-1), 2: new Uint32Array(TILE * TILE) };
 planes[0].set([0, 100, 50, -1, 100]);
 planes[2].set([10, 10, 10, 10, 99]);
+planes[0][5] = 100; // of an age that is not known
 shade(pixels, planes, { mode: "probability", theme: "light", now: 0, old: 60, until: 50 });
 
 const asked = JSON.parse(process.argv[3]).map(([x, y]) => map.cellAt(x, y, 0.25));
-console.log(JSON.stringify({ told, counts: map.counts(), seen: map.seen, bounds: map.bounds(0.25), asked, looks, pixels: Array.from(pixels.subarray(0, 20)) }));
+console.log(JSON.stringify({ told, counts: map.counts(), seen: map.seen, bounds: map.bounds(0.25), asked, looks, pixels: Array.from(pixels.subarray(0, 24)) }));

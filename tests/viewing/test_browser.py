@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from tests.support.pages import served
 from tests.support.places import ROOT
@@ -17,10 +18,12 @@ from tests.support.waiting import until
 
 from echogrid.client import Client
 from echogrid.logs.drive import find_drive
+from echogrid.maps.dense_map import write_npz
 from echogrid.viewing.doors import Door
 from echogrid.viewing.live_feed import LiveFeed
 from echogrid.viewing.recorded import DriveFeed
-from echogrid.viewing.shows import LiveShow, TapeShow
+from echogrid.viewing.shows import LiveShow, MapShow, TapeShow
+from echogrid.viewing.stored import stored_scene
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 AXE = os.environ.get("ECHOGRID_AXE")  # axe.min.js of the npm package axe-core
@@ -231,3 +234,30 @@ def test_axe_finds_no_serious_fault(browser: Any, tape: DriveFeed, theme: str) -
         )
         context.close()
     assert [found for found in violations if found[1] in ("serious", "critical")] == []
+
+
+def test_a_stored_map_can_be_told_by_its_age(page: Any, tmp_path: Path) -> None:
+    """Cells that were last seen later than the slider says are not there."""
+    older, newer = np.full((64, 64), -5, np.float32), np.full((64, 64), 5, np.float32)
+    log_odds, seen_s = np.hstack((older, newer)), np.repeat(np.uint32([[1_700_000_000, 1_700_000_600]]), 64, axis=1).repeat(64, axis=0)
+    radars = np.ones(log_odds.shape, np.uint16)
+    arrays = {
+        "log_odds": log_odds,
+        "origin": np.zeros(2),
+        "cell": np.float64(0.25),
+        "seen_s": seen_s,
+        "radars": radars,
+        "names": np.array(["one"]),
+    }
+    write_npz(tmp_path / "map.npz", arrays)
+    with served(MapShow(stored_scene(tmp_path / "map.npz", None))) as (_, port):
+        page.goto(f"http://127.0.0.1:{port}/")
+        wait(page, "window.echogrid?.map.until === Infinity && document.querySelector('#seek').max === '1700000600'")
+        assert page.inner_text("#state") == "stored map"
+        wait(page, "echogrid.map.bounds(echogrid.cell)")
+        until(lambda: min(ink(page)[:2]) > 1000)  # light and dark cells
+        page.evaluate("echogrid.timeline.seek(1700000300)")
+        assert page.inner_text("#clock") == "seen until 2023-11-14 22:18:20"
+        white, black, _ = ink(page)
+        assert (white > 1000, black) == (True, 0)
+        picture(page, "stored")

@@ -172,7 +172,7 @@ class Page {
     this.theme = document.documentElement.dataset.theme = theme;
     localStorage.setItem("theme", theme);
     this.map.show({ theme });
-    this.panel.legend(this.map.mode, theme);
+    this.panel.legend(this.map.mode, theme, this.source?.shown === "map");
     this.panel.redraw();
     this.showRadars();
     this.dirty = true;
@@ -183,7 +183,7 @@ class Page {
     if (input.disabled) return;
     input.checked = true;
     this.map.show({ mode, now: this.source?.shown === "map" ? this.map.seen[1] : (this.pose?.stamp ?? 0) });
-    this.panel.legend(mode, this.theme);
+    this.panel.legend(mode, this.theme, this.source?.shown === "map");
     this.dirty = true;
   }
 

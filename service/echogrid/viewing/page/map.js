@@ -19,7 +19,7 @@ export class CellMap {
     this.theme = "light";
     this.now = 0; // Unix s, for ages
     this.old = 60; // s after which a cell is as old as can be shown
-    this.until = Infinity; // Unix s: cells last seen later are hidden
+    this.until = Infinity; // Unix s: cells last seen later, or who knows when, are hidden
     this.seen = [Infinity, 0]; // oldest and newest second that a cell was seen, of what came
   }
 
@@ -131,7 +131,7 @@ export function shade(pixels, planes, { mode, theme, now, old, until }) {
   const [sources, seen] = [planes[PLANE.SOURCE], planes[PLANE.SEEN]];
   for (let n = 0, at = 0; n < TILE * TILE; n++, at += 4) {
     const percent = percents ? percents[n] : -1;
-    if (percent < 0 || (seen && mode !== "truth" && seen[n] > until)) {
+    if (percent < 0 || (seen && mode !== "truth" && (seen[n] || Infinity) > until)) {
       pixels[at + 3] = 0;
       continue;
     }

@@ -22,7 +22,7 @@ export class Panel {
     this.radars = [];
   }
 
-  hello({ name, shown, vehicle, planes, radars, model }) {
+  hello({ name, shown, vehicle, planes, radars, model, epoch }) {
     by("source").textContent = shown === "live" ? name : `${name}${vehicle ? `, ${vehicle}` : ""}`;
     by("source").title = model ?? "";
     document.title = `echogrid – ${name}`;
@@ -33,6 +33,8 @@ export class Panel {
       input.parentElement.title = missing ? (shown === "live" ? "the topics do not carry it" : "not known here") : "";
     }
     this.radars = radars ?? [];
+    for (const id of ["h-car", "h-radars", "h-graphs"]) by(id).parentElement.hidden = shown === "map";
+    by("n-epoch").textContent = epoch ?? "–";
     if (shown === "map") this.state("map", "stored map", []);
   }
 
@@ -91,12 +93,13 @@ export class Panel {
     by("n-map-age").textContent = seconds === null ? "–" : `${seconds.toFixed(1)} s ago`;
   }
 
-  legend(mode, theme) {
+  /** `stored`: ages are those of a whole map. */
+  legend(mode, theme, stored) {
     const { free, occupied, learned, newest, oldest } = COLOURS[theme];
     const shown = {
       probability: [["free", free], ["even", mix(free, occupied, 0.5)], ["occupied", occupied]],
       source: [["measured", mix(free, occupied, 0.15)], ["learned only", mix(free, learned, 0.55)]],
-      age: [["just now", newest], ["a minute ago or more", oldest]],
+      age: stored ? [["newest", newest], ["oldest, or not known", oldest]] : [["just now", newest], ["a minute ago or more", oldest]],
       truth: [["free", free], ["occupied", occupied]],
     }[mode];
     by("legend").replaceChildren(

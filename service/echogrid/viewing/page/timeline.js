@@ -52,13 +52,13 @@ export class Timeline {
   }
 
   seek(to) {
+    by("seek").value = to;
     if (this.shown === "map") {
-      this.page.map.show({ until: to });
+      this.page.map.show({ until: to < this.page.map.seen[1] ? to : Infinity });
       this.page.dirty = true;
       return this.shownUntil(to);
     }
     this.scrubbing = performance.now() + 400;
-    by("seek").value = to;
     this.page.link.say({ seek: to });
   }
 
