@@ -13,12 +13,12 @@ from echogrid_training.evaluation.simulated.baselines import MEAN_PATCH
 from echogrid_training.evaluation.simulated.calibrating import Plan
 from echogrid_training.evaluation.simulated.judging import Judged
 from echogrid_training.evaluation.simulated.learned import Key
-from echogrid_training.evaluation.simulated.maps import TUNED
+from echogrid_training.evaluation.simulated.maps import ELFES, TUNED
 from echogrid_training.evaluation.simulated.patches import STRATA
 from echogrid_training.evaluation.simulated.tally import Tally, by_stratum, figures, resampled, summed
 from echogrid_training.learning.resampling import interval, resamples
 
-REFERENCE = {"patch": "Elfes, 15 m", "around": TUNED, "finished": TUNED}  # what others are compared with, town by town
+REFERENCE = {"patch": "Elfes, 15 m", "around": ELFES, "finished": ELFES}  # what others are compared with, town by town
 
 Figures = dict[str, Any]
 
