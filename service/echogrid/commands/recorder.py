@@ -14,6 +14,7 @@ import can
 import numpy as np
 
 from echogrid.commands.state_log import StateLog
+from echogrid.core.kernels.dispatch import COMPILED, WHY
 from echogrid.core.mapper import MapUpdate
 from echogrid.core.motion.odometry import EgoState
 from echogrid.logs.drive import Truth
@@ -75,6 +76,7 @@ class Recorder:
         state = self.pipeline.state(0)
         summary: dict[str, Any] = {
             "model": self.pipeline.model.why,
+            "kernels": WHY,
             "state": state.name,
             "reasons": state.reasons,
             "worst_state": self.states.worst,
@@ -142,6 +144,8 @@ def report(summary: dict[str, Any], out: Path) -> None:
         print(f"dead reckoning is {summary['trajectory_rmse_m']:.2f} m RMSE from the true positions")
     states = [f"{name} {seconds:.1f} s" for name, seconds in summary["seconds"].items() if seconds]
     print(f"states: {', '.join(states)}; {len(summary['maps_begun'])} new maps" if states else "states: none")
+    if not COMPILED:
+        print(f"kernels: {WHY}")
     picture = f"map: {out / 'map.png'}" if "map.png" in summary["files"] else "map: none"
     print(f"{picture}, numbers: {out / 'summary.json'}")
     if summary["not_to_be_trusted"] is not None:

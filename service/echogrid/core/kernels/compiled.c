@@ -1,0 +1,670 @@
+/* The hot loops of echogrid, compiled: each does what the function of its name in reference.py does, bit for bit.
+ *
+ * What they are for, shapes and units stand there. Arrays come by the buffer protocol and are checked for type, dimensions and rows without
+ * gaps; results are written into arrays of the caller's. No loop calls sin, exp or their like, whose last bits differ between libraries, and
+ * no product is fused with a sum (-ffp-contract=off). The limited API: one file serves every Python from 3.11 on.
+ */
+#define Py_LIMITED_API 0x030b0000
+#define PY_SSIZE_T_CLEAN
+#include <Python.h>
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define MOST 20
+#define SIDE 128 /* cells along a tile's side */
+
+typedef struct {
+    Py_buffer array[MOST];
+    int arrays;
+    double number[MOST];
+    int numbers;
+} Given;
+
+static void drop(Given *given) {
+    while (given->arrays)
+        PyBuffer_Release(&given->array[--given->arrays]);
+}
+
+/* Size of an element whose format's last letter fits the kind; 0 where it does not. */
+static Py_ssize_t fitting(char kind, const char *format) {
+    char found = format == NULL || !*format ? 'B' : format[strlen(format) - 1];
+    switch (kind) {
+    case 'd': return found == 'd' ? 8 : 0;
+    case 'f': return found == 'f' ? 4 : 0;
+    case 'l': return found == 'l' || found == 'q' ? 8 : 0;
+    case 'i': return found == 'i' ? 4 : 0;
+    case 'I': return found == 'I' ? 4 : 0;
+    case 'H': return found == 'H' ? 2 : 0;
+    default: return found == 'B' || found == '?' ? 1 : 0;
+    }
+}
+
+/* `spec`: for each argument "x" for a number, or the kind and dimensions of an array, "!" after one that is written. */
+static int take(Given *given, const char *spec, PyObject *const *arguments, Py_ssize_t count) {
+    given->arrays = given->numbers = 0;
+    Py_ssize_t at = 0;
+    for (const char *s = spec; *s; at++) {
+        if (at >= count) break;
+        if (*s == 'x') {
+            double number = PyFloat_AsDouble(arguments[at]);
+            if (number == -1.0 && PyErr_Occurred()) goto wrong;
+            given->number[given->numbers++] = number;
+            s++;
+            continue;
+        }
+        char kind = *s++;
+        int dimensions = *s++ - '0', written = *s == '!';
+        s += written;
+        Py_buffer *array = &given->array[given->arrays];
+        if (PyObject_GetBuffer(arguments[at], array, PyBUF_FORMAT | PyBUF_STRIDES | (written ? PyBUF_WRITABLE : 0))) goto wrong;
+        given->arrays++;
+        int gaps = array->ndim > 0 && array->shape[array->ndim - 1] > 1 && array->strides[array->ndim - 1] != array->itemsize;
+        if (array->ndim != dimensions || fitting(kind, array->format) != array->itemsize || gaps) {
+            PyErr_Format(PyExc_TypeError, "argument %zd: expected %d dimensions of '%c' without gaps in a row, found %d of '%s'", at + 1,
+                         dimensions, kind, array->ndim, array->format ? array->format : "B");
+            goto wrong;
+        }
+    }
+    if (at == count) {
+        const char *rest = spec;
+        Py_ssize_t expected = 0;
+        for (; *rest; expected++) {
+            rest += *rest == 'x' ? 1 : 2;
+            rest += *rest == '!';
+        }
+        if (expected == count) return 1;
+    }
+    PyErr_Format(PyExc_TypeError, "%zd arguments do not fit '%s'", count, spec);
+wrong:
+    drop(given);
+    return 0;
+}
+
+static int sized(Given *given, int ok) {
+    if (!ok) {
+        PyErr_SetString(PyExc_ValueError, "the arrays' shapes do not belong together");
+        drop(given);
+    }
+    return ok;
+}
+
+static PyObject *done(Given *given) {
+    drop(given);
+    Py_RETURN_NONE;
+}
+
+#define ARRAY(n) (&given.array[n])
+#define ROW(type, n, i) ((type *)((char *)given.array[n].buf + (i) * given.array[n].strides[0]))
+#define ROW3(type, n, p, i) ((type *)((char *)given.array[n].buf + (p) * given.array[n].strides[0] + (i) * given.array[n].strides[1]))
+#define LENGTH(n, axis) (given.array[n].shape[axis])
+#define KERNEL(name) static PyObject *name(PyObject *self, PyObject *const *arguments, Py_ssize_t count)
+#define TAKE(spec)   \
+    Given given;     \
+    (void)self;      \
+    if (!take(&given, spec, arguments, count)) return NULL
+
+static inline int64_t floored(double x) {
+    int64_t whole = (int64_t)x;
+    return whole - (x < (double)whole);
+}
+
+/* Flat cell of a patch around the middle, -1 outside and for what is no number. */
+static inline Py_ssize_t patch_cell(double x, double y, double half, double cell, Py_ssize_t cells) {
+    double column = (x + half) / cell, row = (y + half) / cell;
+    if (!(column >= 0 && column < (double)cells && row >= 0 && row < (double)cells)) return -1;
+    return (Py_ssize_t)row * cells + (Py_ssize_t)column;
+}
+
+static inline uint8_t byte_of_rcs(double rcs) {
+    if (isnan(rcs)) return 0;
+    double value = rint(128 + 4 * rcs);
+    return (uint8_t)(value < 1 ? 1 : value > 255 ? 255 : value);
+}
+
+static inline uint8_t byte_within(double value) { return (uint8_t)(value < 1 ? 1 : value > 255 ? 255 : value); }
+
+static inline void raise_to(uint8_t *place, uint8_t value) {
+    if (value > *place) *place = value;
+}
+
+static void by_table(const int32_t *counts, const uint8_t *table, uint8_t *out, Py_ssize_t size) {
+    for (Py_ssize_t c = 0; c < size; c++) out[c] = table[counts[c] > 255 ? 255 : counts[c]];
+}
+
+KERNEL(moved) {
+    TAKE("d2xxxxd2!");
+    Py_ssize_t size = LENGTH(0, 0);
+    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(1, 1) == 2)) return NULL;
+    double x = given.number[0], y = given.number[1], c = given.number[2], s = given.number[3];
+    for (Py_ssize_t n = 0; n < size; n++) {
+        const double *from = ROW(double, 0, n);
+        double *to = ROW(double, 1, n), there = c * from[0] - s * from[1] + x;
+        to[1] = s * from[0] + c * from[1] + y;
+        to[0] = there;
+    }
+    return done(&given);
+}
+
+KERNEL(draw_now) {
+    TAKE("d2d1d1xxB1B3!");
+    Py_ssize_t size = LENGTH(0, 0), side = LENGTH(4, 1), cells = side * side;
+    if (!sized(&given, LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(3, 0) == 256 && LENGTH(4, 0) == 3 && LENGTH(4, 2) == side &&
+                           ARRAY(4)->strides[1] == side && ARRAY(4)->strides[0] == cells))
+        return NULL;
+    const double *rcs = ARRAY(1)->buf, *deviation = ARRAY(2)->buf;
+    uint8_t *out = ARRAY(4)->buf;
+    int32_t *counts = calloc(cells, sizeof *counts);
+    if (counts == NULL) {
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    memset(out, 0, 3 * cells);
+    for (Py_ssize_t n = 0; n < size; n++) {
+        const double *point = ROW(double, 0, n);
+        Py_ssize_t at = patch_cell(point[0], point[1], given.number[0], given.number[1], side);
+        if (at < 0) continue;
+        counts[at]++;
+        raise_to(out + cells + at, byte_of_rcs(rcs[n]));
+        raise_to(out + 2 * cells + at, byte_within(255 - 60 * deviation[n]));
+    }
+    by_table(counts, ARRAY(3)->buf, out, cells);
+    free(counts);
+    return done(&given);
+}
+
+KERNEL(draw_past) {
+    TAKE("d2d1l1d1xxxxxB1B3!");
+    Py_ssize_t size = LENGTH(0, 0), side = LENGTH(5, 1), cells = side * side;
+    if (!sized(&given, LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(3, 0) == size && LENGTH(4, 0) == 256 && LENGTH(5, 0) == 6 &&
+                           LENGTH(5, 2) == side && ARRAY(5)->strides[1] == side && ARRAY(5)->strides[0] == cells))
+        return NULL;
+    const double *age = ARRAY(1)->buf, *rcs = ARRAY(3)->buf;
+    const int64_t *update = ARRAY(2)->buf;
+    uint8_t *out = ARRAY(5)->buf;
+    double half = given.number[0], cell = given.number[1], close = given.number[2], middle = given.number[3], fading = given.number[4];
+    int32_t *counts = calloc(4 * cells, sizeof *counts);
+    int64_t *last = malloc(cells * sizeof *last);
+    if (counts == NULL || last == NULL) {
+        free(counts);
+        free(last);
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    for (Py_ssize_t c = 0; c < cells; c++) last[c] = INT64_MIN;
+    memset(out, 0, 6 * cells);
+    for (Py_ssize_t n = 0; n < size; n++) {
+        const double *point = ROW(double, 0, n);
+        Py_ssize_t at = patch_cell(point[0], point[1], half, cell, side);
+        if (at < 0) continue;
+        counts[at] += age[n] <= close;
+        counts[cells + at] += age[n] <= middle;
+        counts[2 * cells + at]++;
+        counts[3 * cells + at] += last[at] != update[n];
+        last[at] = update[n];
+        raise_to(out + 4 * cells + at, byte_within(255 - age[n] * fading));
+        raise_to(out + 5 * cells + at, byte_of_rcs(rcs[n]));
+    }
+    by_table(counts, ARRAY(4)->buf, out, 4 * cells);
+    free(counts);
+    free(last);
+    return done(&given);
+}
+
+/* Writes the table's bytes of counts of blocks into all cells of each block. */
+static void spread(const int32_t *counts, const uint8_t *table, uint8_t *out, Py_ssize_t blocks, Py_ssize_t along) {
+    Py_ssize_t side = blocks * along;
+    for (Py_ssize_t i = 0; i < blocks; i++) {
+        uint8_t *first = out + i * along * side;
+        for (Py_ssize_t j = 0; j < blocks; j++) {
+            int32_t found = counts[i * blocks + j];
+            memset(first + j * along, table[found > 255 ? 255 : found], along);
+        }
+        for (Py_ssize_t k = 1; k < along; k++) memcpy(first + k * side, first, side);
+    }
+}
+
+KERNEL(draw_passes) {
+    TAKE("f2f2f1xxxxB1B2!");
+    Py_ssize_t rays = LENGTH(0, 0), side = LENGTH(4, 0), along = (Py_ssize_t)given.number[3], blocks = along > 0 ? side / along : 0;
+    if (!sized(&given, LENGTH(1, 0) == rays && LENGTH(2, 0) == rays && LENGTH(0, 1) == 2 && LENGTH(1, 1) == 2 && LENGTH(3, 0) == 256 &&
+                           blocks * along == side && LENGTH(4, 1) == side && ARRAY(4)->strides[0] == side))
+        return NULL;
+    const float *distance = ARRAY(2)->buf;
+    float half = (float)given.number[0], step = (float)given.number[1], margin = (float)given.number[2];
+    int32_t *counts = calloc(blocks * blocks, sizeof *counts);
+    if (counts == NULL) {
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    for (Py_ssize_t n = 0; n < rays; n++) {
+        const float *origin = ROW(float, 0, n), *way = ROW(float, 1, n);
+        float limit = distance[n] - margin, length = distance[n] > 1e-3f ? distance[n] : 1e-3f;
+        for (Py_ssize_t k = 0;; k++) {
+            float reached = (0.5f + (float)k) * step;
+            if (!(reached < limit)) break;
+            float share = reached / length;
+            float column = (origin[0] + share * way[0] + half) / step, row = (origin[1] + share * way[1] + half) / step;
+            if (column >= 0 && column < (float)blocks && row >= 0 && row < (float)blocks) counts[(int)row * blocks + (int)column]++;
+        }
+    }
+    spread(counts, ARRAY(3)->buf, ARRAY(4)->buf, blocks, along);
+    free(counts);
+    return done(&given);
+}
+
+KERNEL(draw_looks) {
+    TAKE("f2f1B1B2!");
+    Py_ssize_t scans = LENGTH(0, 0), blocks = LENGTH(1, 0), side = LENGTH(3, 0);
+    if (!sized(&given, LENGTH(0, 1) == 6 && LENGTH(2, 0) == 256 && blocks > 0 && side % blocks == 0 && LENGTH(3, 1) == side &&
+                           ARRAY(3)->strides[0] == side))
+        return NULL;
+    const float *middle = ARRAY(1)->buf;
+    int32_t *counts = calloc(blocks * blocks, sizeof *counts);
+    float *along = malloc(2 * blocks * sizeof *along);
+    if (counts == NULL || along == NULL) {
+        free(counts);
+        free(along);
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    Py_BEGIN_ALLOW_THREADS;
+    for (Py_ssize_t n = 0; n < scans; n++) {
+        const float *scan = ROW(float, 0, n); /* x, y, cos and sin of yaw, range, cosine of half the field of view */
+        float reach = scan[4], least = scan[5], *squares = along, *products = along + blocks;
+        for (Py_ssize_t j = 0; j < blocks; j++) {
+            float dx = middle[j] - scan[0];
+            squares[j] = dx * dx;
+            products[j] = dx * scan[2];
+        }
+        for (Py_ssize_t i = 0; i < blocks; i++) {
+            float dy = middle[i] - scan[1], square = dy * dy, product = dy * scan[3];
+            int32_t *row = counts + i * blocks;
+            for (Py_ssize_t j = 0; j < blocks; j++) {
+                float distance = sqrtf(squares[j] + square);
+                row[j] += (distance <= reach) & (products[j] + product >= distance * least);
+            }
+        }
+    }
+    Py_END_ALLOW_THREADS;
+    spread(counts, ARRAY(2)->buf, ARRAY(3)->buf, blocks, side / blocks);
+    free(counts);
+    free(along);
+    return done(&given);
+}
+
+/* Where a map cell lies in the patch with its border of one zero cell: the cell to the lower left, and how far on from its centre. */
+typedef struct {
+    Py_ssize_t row, column;
+    float fu, fv;
+} Place;
+
+static inline int placed(float u, float v, float limit, Place *place) {
+    if (!(u >= 0 && v >= 0 && u < limit && v < limit)) return 0;
+    place->column = (Py_ssize_t)u;
+    place->row = (Py_ssize_t)v;
+    place->fu = u - (float)place->column;
+    place->fv = v - (float)place->row;
+    return 1;
+}
+
+KERNEL(bilinear) {
+    TAKE("f3f1f1xxxf3!");
+    Py_ssize_t planes = LENGTH(0, 0), cells = LENGTH(0, 1), width = LENGTH(1, 0), height = LENGTH(2, 0), across = cells + 2;
+    if (!sized(&given, LENGTH(0, 2) == cells && LENGTH(3, 0) == planes && LENGTH(3, 1) == height && LENGTH(3, 2) == width)) return NULL;
+    const float *dx = ARRAY(1)->buf, *dy = ARRAY(2)->buf;
+    float c = (float)given.number[0], s = (float)given.number[1], shift = (float)given.number[2], limit = (float)(cells + 1);
+    float *padded = calloc(planes * across * across, sizeof *padded);
+    if (padded == NULL) {
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    Py_BEGIN_ALLOW_THREADS;
+    for (Py_ssize_t p = 0; p < planes; p++)
+        for (Py_ssize_t i = 0; i < cells; i++)
+            memcpy(padded + (p * across + i + 1) * across + 1, ROW3(float, 0, p, i), cells * sizeof *padded);
+    for (Py_ssize_t i = 0; i < height; i++) {
+        for (Py_ssize_t p = 0; p < planes; p++) memset(ROW3(float, 3, p, i), 0, width * sizeof(float));
+        for (Py_ssize_t j = 0; j < width; j++) {
+            Place at;
+            if (!placed(c * dx[j] + s * dy[i] + shift, c * dy[i] - s * dx[j] + shift, limit, &at)) continue;
+            for (Py_ssize_t p = 0; p < planes; p++) {
+                const float *lower = padded + (p * across + at.row) * across + at.column, *upper = lower + across;
+                float below = lower[0] * (1 - at.fu) + lower[1] * at.fu, above = upper[0] * (1 - at.fu) + upper[1] * at.fu;
+                ROW3(float, 3, p, i)[j] = below * (1 - at.fv) + above * at.fv;
+            }
+        }
+    }
+    Py_END_ALLOW_THREADS;
+    free(padded);
+    return done(&given);
+}
+
+KERNEL(nearest) {
+    TAKE("H2f1f1xxxH2!");
+    Py_ssize_t cells = LENGTH(0, 0), width = LENGTH(1, 0), height = LENGTH(2, 0);
+    if (!sized(&given, LENGTH(0, 1) == cells && LENGTH(3, 0) == height && LENGTH(3, 1) == width)) return NULL;
+    const float *dx = ARRAY(1)->buf, *dy = ARRAY(2)->buf;
+    float c = (float)given.number[0], s = (float)given.number[1], shift = (float)given.number[2], limit = (float)(cells + 1);
+    for (Py_ssize_t i = 0; i < height; i++) {
+        uint16_t *out = ROW(uint16_t, 3, i);
+        for (Py_ssize_t j = 0; j < width; j++) {
+            Place at;
+            out[j] = 0;
+            if (!placed(c * dx[j] + s * dy[i] + shift, c * dy[i] - s * dx[j] + shift, limit, &at)) continue;
+            Py_ssize_t row = at.row + (at.fv >= 0.5f) - 1, column = at.column + (at.fu >= 0.5f) - 1; /* without the border */
+            if (row >= 0 && row < cells && column >= 0 && column < cells) out[j] = ROW(uint16_t, 0, row)[column];
+        }
+    }
+    return done(&given);
+}
+
+KERNEL(note_view) {
+    TAKE("H2xH2!I2!");
+    Py_ssize_t height = LENGTH(0, 0), width = LENGTH(0, 1);
+    if (!sized(&given, LENGTH(1, 0) == height && LENGTH(1, 1) == width && LENGTH(2, 0) == height && LENGTH(2, 1) == width)) return NULL;
+    uint32_t now = (uint32_t)given.number[0];
+    for (Py_ssize_t i = 0; i < height; i++) {
+        const uint16_t *bits = ROW(uint16_t, 0, i);
+        uint16_t *radars = ROW(uint16_t, 1, i);
+        uint32_t *seen = ROW(uint32_t, 2, i);
+        for (Py_ssize_t j = 0; j < width; j++) {
+            radars[j] |= bits[j];
+            seen[j] = bits[j] ? now : seen[j];
+        }
+    }
+    return done(&given);
+}
+
+KERNEL(add_look) {
+    TAKE("f3xf3!");
+    Py_ssize_t height = LENGTH(0, 1), width = LENGTH(0, 2);
+    if (!sized(&given, LENGTH(0, 0) == 2 && LENGTH(1, 0) == 2 && LENGTH(1, 1) == height && LENGTH(1, 2) == width)) return NULL;
+    float most = (float)given.number[0];
+    for (Py_ssize_t i = 0; i < height; i++) {
+        const float *more = ROW3(float, 0, 0, i), *heavier = ROW3(float, 0, 1, i);
+        float *total = ROW3(float, 1, 0, i), *weight = ROW3(float, 1, 1, i);
+        for (Py_ssize_t j = 0; j < width; j++) {
+            float w = weight[j] + heavier[j], sum = total[j] + more[j];
+            float kept = most / (w > 1 ? w : 1);
+            kept = kept < 1 ? kept : 1;
+            total[j] = sum * kept;
+            weight[j] = w * kept;
+        }
+    }
+    return done(&given);
+}
+
+KERNEL(add_clamped) {
+    TAKE("f2xxf2!");
+    Py_ssize_t height = LENGTH(0, 0), width = LENGTH(0, 1);
+    if (!sized(&given, LENGTH(1, 0) == height && LENGTH(1, 1) == width)) return NULL;
+    float clamp = (float)given.number[0], least = (float)given.number[1];
+    for (Py_ssize_t i = 0; i < height; i++) {
+        const float *added = ROW(float, 0, i);
+        float *layer = ROW(float, 1, i);
+        for (Py_ssize_t j = 0; j < width; j++) {
+            float total = layer[j] + added[j];
+            total = total < -clamp ? -clamp : total;
+            total = total > clamp ? clamp : total;
+            layer[j] = added[j] != 0 && total == 0 ? least : total;
+        }
+    }
+    return done(&given);
+}
+
+KERNEL(elfes) {
+    TAKE("d2d1d3d1xxxxxf2!");
+    Py_ssize_t size = LENGTH(0, 0), rays = LENGTH(3, 0), side = LENGTH(4, 0), cells = side * side;
+    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(2, 1) == rays && LENGTH(2, 2) == 2 &&
+                           LENGTH(4, 1) == side))
+        return NULL;
+    const double *distances = ARRAY(1)->buf, *weights = ARRAY(3)->buf;
+    double half = given.number[0], cell = given.number[1], free_ = given.number[2], occupied = given.number[3], step = cell / 2;
+    double *total = calloc(2 * cells, sizeof *total), *one = total + cells; /* of all detections, and of the one at hand */
+    int32_t *by = calloc(3 * cells, sizeof *by), *mine = by + cells, *list = by + 2 * cells; /* ray and detection that touched a cell last */
+    if (total == NULL || by == NULL) {
+        free(total);
+        free(by);
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    Py_BEGIN_ALLOW_THREADS;
+    for (Py_ssize_t n = 0; n < size; n++) {
+        const double *origin = ROW(double, 0, n);
+        double distance = distances[n];
+        Py_ssize_t touched = 0, steps = (Py_ssize_t)ceil((distance - given.number[4] - step) / step);
+        for (Py_ssize_t r = 0; r < 2 * rays; r++) { /* what the rays pass, then where they end */
+            const double *ray = ROW3(double, 2, n, r % rays);
+            int ends = r >= rays;
+            double said = ends ? occupied * weights[r - rays] : free_ * weights[r];
+            for (Py_ssize_t k = 0; k < (ends ? 1 : steps); k++) {
+                double along = ends ? distance : step + (double)k * step;
+                Py_ssize_t at = patch_cell(origin[0] + along * ray[0], origin[1] + along * ray[1], half, cell, side);
+                int32_t stamp = (int32_t)(n * rays + r + 1);
+                if (at < 0 || (!ends && by[at] == stamp)) continue;
+                if (!ends) by[at] = stamp;
+                if (mine[at] != n + 1) {
+                    mine[at] = (int32_t)(n + 1);
+                    list[touched++] = (int32_t)at;
+                }
+                one[at] += said;
+            }
+        }
+        for (Py_ssize_t t = 0; t < touched; t++) {
+            total[list[t]] += (double)(float)one[list[t]];
+            one[list[t]] = 0;
+        }
+    }
+    for (Py_ssize_t i = 0; i < side; i++)
+        for (Py_ssize_t j = 0; j < side; j++) ROW(float, 4, i)[j] = (float)total[i * side + j];
+    Py_END_ALLOW_THREADS;
+    free(total);
+    free(by);
+    return done(&given);
+}
+
+/* What a look adds to one cell. */
+typedef struct {
+    int32_t cell; /* in the window */
+    uint16_t who;
+    uint16_t passed;
+    double share, near;
+} Touched;
+
+static inline Touched *touch(Touched *list, int32_t *place, Py_ssize_t *count, Py_ssize_t cell) {
+    if (!place[cell]) {
+        list[*count].cell = (int32_t)cell;
+        place[cell] = (int32_t)++*count;
+    }
+    return &list[place[cell] - 1];
+}
+
+static int ascending(const void *one, const void *other) { return (*(int32_t *)one > *(int32_t *)other) - (*(int32_t *)one < *(int32_t *)other); }
+
+static inline Py_ssize_t window_cell(double x, double y, double cell, int64_t row, int64_t column, int64_t size) {
+    int64_t j = floored(x / cell) - column, i = floored(y / cell) - row;
+    return i >= 0 && i < size && j >= 0 && j < size ? i * size + j : -1;
+}
+
+KERNEL(look) {
+    TAKE("xxxxd2d1d2d2d2d1H1xl1d1f1!B1!B1!l1!i1!f1!f1!f1!H1!");
+    int64_t row = (int64_t)given.number[0], column = (int64_t)given.number[1], size = (int64_t)given.number[2];
+    Py_ssize_t beams = LENGTH(2, 0), rays = LENGTH(1, 0), around = LENGTH(7, 0), cells = size * size, tile_row = row >> 7, tile_column = column >> 7;
+    Py_ssize_t tall = ((row + size - 1) >> 7) - tile_row + 1, wide = ((column + size - 1) >> 7) - tile_column + 1;
+    int fits = LENGTH(0, 0) == beams * rays && LENGTH(0, 1) == 2 && LENGTH(2, 1) == 2 && LENGTH(3, 0) == beams && LENGTH(3, 1) == 2 &&
+               LENGTH(4, 0) == beams && LENGTH(4, 1) == 2 && LENGTH(5, 0) == beams && LENGTH(6, 0) == beams && LENGTH(8, 0) == around &&
+               LENGTH(12, 0) == tall * wide + 1;
+    for (int n = 9; n < 18; n++) fits &= n == 12 || LENGTH(n, 0) == cells;
+    if (!sized(&given, fits)) return NULL;
+    const double *shares = ARRAY(1)->buf, *distance = ARRAY(5)->buf, *weights = ARRAY(8)->buf;
+    const uint16_t *radars = ARRAY(6)->buf;
+    const int64_t *offsets = ARRAY(7)->buf;
+    float *hit = ARRAY(9)->buf, *hits = ARRAY(14)->buf, *near = ARRAY(15)->buf, *passes = ARRAY(16)->buf;
+    uint8_t *own = ARRAY(10)->buf, *passed = ARRAY(11)->buf;
+    uint16_t *who = ARRAY(17)->buf;
+    int64_t *begins = ARRAY(12)->buf;
+    int32_t *inside = ARRAY(13)->buf;
+    double cell = given.number[3], margin = given.number[4], step = cell / 2;
+    Py_ssize_t touched = 0, fresh = 0;
+    int32_t *place = calloc(cells, sizeof *place), *mine = malloc((beams + 1) * sizeof *mine);
+    Touched *list = calloc(cells, sizeof *list);
+    if (place == NULL || mine == NULL || list == NULL) {
+        free(place);
+        free(mine);
+        free(list);
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    Py_BEGIN_ALLOW_THREADS;
+    for (Py_ssize_t n = 0; n < beams * rays; n++) {
+        const double *end = ROW(double, 0, n);
+        Py_ssize_t at = window_cell(end[0], end[1], cell, row, column, size);
+        if (at < 0) continue;
+        Touched *found = touch(list, place, &touched, at);
+        found->share += shares[n % rays];
+        found->who |= radars[n / rays];
+    }
+    for (Py_ssize_t n = 0; n < beams; n++) {
+        const double *point = ROW(double, 2, n), *origin = ROW(double, 3, n), *direction = ROW(double, 4, n);
+        Py_ssize_t at = window_cell(point[0], point[1], cell, row, column, size), before = -1;
+        if (at >= 0 && !own[at]) {
+            own[at] = 1;
+            mine[fresh++] = (int32_t)at;
+        }
+        for (Py_ssize_t k = 0;; k++) {
+            double along = step + (double)k * step;
+            if (!(along < distance[n] - margin)) break;
+            at = window_cell(origin[0] + along * direction[0], origin[1] + along * direction[1], cell, row, column, size);
+            if (at < 0 || at == before) continue;
+            Touched *found = touch(list, place, &touched, at);
+            before = at;
+            found->who |= radars[n];
+            found->passed |= !passed[at];
+            passed[at] = 1;
+        }
+    }
+    qsort(mine, fresh, sizeof *mine, ascending); /* sums are made in this order everywhere */
+    for (Py_ssize_t n = 0; n < fresh; n++)
+        for (Py_ssize_t k = 0; k < around; k++) {
+            int64_t at = mine[n] + offsets[k];
+            if (at >= 0 && at < cells) touch(list, place, &touched, at)->near += weights[k];
+        }
+    memset(begins, 0, (tall * wide + 1) * sizeof *begins);
+#define TILE_OF(at) (((((at) / size + row) >> 7) - tile_row) * wide + (((at) % size + column) >> 7) - tile_column)
+    for (Py_ssize_t n = 0; n < touched; n++) begins[TILE_OF(list[n].cell) + 1]++;
+    for (Py_ssize_t t = 0; t < tall * wide; t++) begins[t + 1] += begins[t];
+    for (Py_ssize_t n = 0; n < touched; n++) {
+        const Touched *found = &list[n];
+        int64_t at = found->cell, i = at / size + row, j = at % size + column;
+        Py_ssize_t out = begins[TILE_OF(at)]++;
+        float share = (float)(found->share < 1 ? found->share : 1), more = share - hit[at];
+        hits[out] = more > 0 ? more : 0;
+        hit[at] += hits[out];
+        inside[out] = (int32_t)((i & 127) * SIDE + (j & 127));
+        near[out] = (float)found->near;
+        passes[out] = found->passed;
+        who[out] = found->who;
+    }
+    memmove(begins + 1, begins, tall * wide * sizeof *begins);
+    begins[0] = 0;
+    Py_END_ALLOW_THREADS;
+    free(place);
+    free(mine);
+    free(list);
+    return done(&given);
+}
+
+KERNEL(add_measured) {
+    TAKE("i1f1f1f1B1B1H1xxxf3!H2!I2!");
+    Py_ssize_t size = LENGTH(0, 0);
+    int fits = LENGTH(7, 0) == 3 && LENGTH(7, 1) == SIDE && LENGTH(7, 2) == SIDE && LENGTH(8, 0) == SIDE && LENGTH(8, 1) == SIDE &&
+               LENGTH(9, 0) == SIDE && LENGTH(9, 1) == SIDE && ARRAY(7)->strides[1] == 4 * SIDE && ARRAY(8)->strides[0] == 2 * SIDE &&
+               ARRAY(9)->strides[0] == 4 * SIDE;
+    for (int n = 1; n < 7; n++) fits &= LENGTH(n, 0) == size;
+    const int32_t *cells = ARRAY(0)->buf;
+    for (Py_ssize_t n = 0; fits && n < size; n++) fits = cells[n] >= 0 && cells[n] < SIDE * SIDE;
+    if (!sized(&given, fits)) return NULL;
+    const float *hits = ARRAY(1)->buf, *near = ARRAY(2)->buf, *passes = ARRAY(3)->buf;
+    const uint8_t *arrived = ARRAY(4)->buf, *left = ARRAY(5)->buf;
+    const uint16_t *who = ARRAY(6)->buf;
+    float gone = (float)given.number[1], most = (float)given.number[2];
+    float *hit = ROW3(float, 7, 0, 0), *beside = ROW3(float, 7, 1, 0), *passed = ROW3(float, 7, 2, 0);
+    uint16_t *radars = ARRAY(8)->buf;
+    uint32_t *seen = ARRAY(9)->buf;
+    for (Py_ssize_t n = 0; n < size; n++) {
+        int32_t at = cells[n];
+        if (who[n]) {
+            radars[at] |= who[n];
+            seen[at] = (uint32_t)given.number[0];
+        }
+        if (arrived[n]) passed[at] = 0;
+        if (left[n]) {
+            hit[at] = beside[at] = 0;
+            passed[at] = passed[at] > gone ? passed[at] : gone;
+        }
+        hit[at] += hits[n];
+        beside[at] += near[n];
+        passed[at] += passes[n];
+        float total = hit[at] + passed[at];
+        if (total > most) {
+            float kept = most / total;
+            hit[at] *= kept;
+            beside[at] *= kept;
+            passed[at] *= kept;
+        }
+    }
+    return done(&given);
+}
+
+KERNEL(usual) {
+    TAKE("l1l1l1xxxxxxxf2!f2!B1!B1!");
+    Py_ssize_t size = LENGTH(3, 1), hits = LENGTH(0, 0);
+    if (!sized(&given, LENGTH(3, 0) == 2 && LENGTH(4, 0) == 2 && LENGTH(4, 1) == size && LENGTH(5, 0) == size && LENGTH(6, 0) == size)) return NULL;
+    uint8_t *near = calloc(2 * size, 1), *arrived = ARRAY(5)->buf, *left = ARRAY(6)->buf;
+    if (near == NULL) {
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    float quick = (float)given.number[0], slow = (float)given.number[1];
+    float arrives = (float)given.number[2], before = (float)given.number[3], stayed = (float)given.number[4], leaves = (float)given.number[5];
+    const int64_t *hit = ARRAY(0)->buf;
+    Py_BEGIN_ALLOW_THREADS;
+    for (int disc = 0; disc < 2; disc++) {
+        const int64_t *offsets = ARRAY(1 + disc)->buf;
+        for (Py_ssize_t n = 0; n < hits; n++)
+            for (Py_ssize_t k = 0; k < LENGTH(1 + disc, 0); k++) {
+                int64_t at = hit[n] + offsets[k];
+                if (at >= 0 && at < size) near[disc * size + at] = 1;
+            }
+        float *recent = ROW(float, 3, disc), *long_ago = ROW(float, 4, disc);
+        const uint8_t *now = near + disc * size;
+        for (Py_ssize_t c = 0; c < size; c++) {
+            recent[c] += ((float)now[c] - recent[c]) * quick;
+            long_ago[c] += ((float)now[c] - long_ago[c]) * slow;
+        }
+    }
+    float *here = ROW(float, 3, 0), *beside = ROW(float, 3, 1), *known_here = ROW(float, 4, 0), *known_beside = ROW(float, 4, 1);
+    if (given.number[6] == 0) {
+        memset(left, 0, size);
+        memset(arrived, 0, size);
+    } else for (Py_ssize_t c = 0; c < size; c++) {
+        left[c] = (known_here[c] > stayed) & (beside[c] < leaves);
+        known_here[c] = left[c] ? 0 : known_here[c];
+        known_beside[c] = left[c] ? 0 : known_beside[c];
+        arrived[c] = near[c] & (here[c] > arrives) & (known_beside[c] < before * here[c]);
+    }
+    Py_END_ALLOW_THREADS;
+    free(near);
+    return done(&given);
+}
+
+#define ENTRY(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, "As reference." #name "."}
+static PyMethodDef methods[] = {
+    ENTRY(moved),     ENTRY(draw_now),  ENTRY(draw_past), ENTRY(draw_passes), ENTRY(draw_looks),   ENTRY(bilinear), ENTRY(nearest),
+    ENTRY(note_view), ENTRY(add_look),  ENTRY(add_clamped), ENTRY(elfes),     ENTRY(look),         ENTRY(add_measured), ENTRY(usual),
+    {NULL, NULL, 0, NULL},
+};
+static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "compiled", "The hot loops, compiled.", 0, methods, NULL, NULL, NULL, NULL};
+PyMODINIT_FUNC PyInit_compiled(void) { return PyModuleDef_Init(&module); }
