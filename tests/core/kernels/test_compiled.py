@@ -150,11 +150,39 @@ def usual(random: Random, size: int) -> list[Any]:
     ]
 
 
+def signals(random: Random, size: int) -> list[Any]:
+    """Payloads of 12 bytes; signals of up to 64 bits that lie in them, upwards and downwards, some over nine bytes."""
+    places = []
+    for _ in range(6):
+        length, shift = int(random.integers(1, 65)), int(random.integers(0, 8))
+        behind = (shift + length - 1) // 8  # bytes
+        step = int(random.choice([-1, 1]))
+        first = int(random.integers(0, 12 - behind)) + (behind if step < 0 else 0)
+        places.append((first, step, shift, length, random.random() < 0.5))
+    payloads = random.integers(0, 256, (size, 12)).astype(np.uint8)
+    return [
+        payloads,
+        np.array(places, np.int64),
+        random.normal(0, 9, (6, 2)),
+        *(np.ones((size, 6), t) for t in (np.uint64, np.int64, float)),
+    ]
+
+
+def quantities(random: Random, size: int) -> list[Any]:
+    """Two of each of three signals in a frame; four flags."""
+    physical = random.choice([0.0, -1.5, np.nan, np.inf, 2e9, 3.25], (size, 6))
+    raw, there = random.integers(0, 4, (size, 6)), random.random((size, 6)) < 0.8
+    flags = np.array([(0, 1, 0, 2), (1, 0, 1, 3), (2, 1, 2, 2), (2, 0, 0, 1)])
+    plan = random.integers([0, -1, -1], [3, 4, 4], (4, 3))
+    everywhere = int(random.integers(-1, 4))
+    return [physical, raw, there, 2, plan, random.normal(size=(4, 2)), flags, np.array([1, 2, 3]), everywhere, 1e9, np.ones((4, 2 * size))]
+
+
 CASES: dict[str, Callable[[Random, int], list[Any]]] = {
     case.__name__: case
     for case in (
         *(moved, draw_now, draw_past, draw_passes, draw_looks, bilinear, nearest, note_view, add_look, add_clamped, elfes, look),
-        *(add_measured, usual),
+        *(add_measured, usual, signals, quantities),
     )
 }
 

@@ -33,6 +33,7 @@ static Py_ssize_t fitting(char kind, const char *format) {
     switch (kind) {
     case 'd': return found == 'd' ? 8 : 0;
     case 'f': return found == 'f' ? 4 : 0;
+    case 'Q': return found == 'L' || found == 'Q' ? 8 : 0;
     case 'l': return found == 'l' || found == 'q' ? 8 : 0;
     case 'i': return found == 'i' ? 4 : 0;
     case 'I': return found == 'I' ? 4 : 0;
@@ -660,10 +661,82 @@ KERNEL(usual) {
     return done(&given);
 }
 
+KERNEL(signals) {
+    TAKE("B2l2d2Q2!l2!d2!");
+    Py_ssize_t size = LENGTH(0, 0), length = LENGTH(0, 1), columns = LENGTH(1, 0);
+    int fits = LENGTH(1, 1) == 5 && LENGTH(2, 0) == columns && LENGTH(2, 1) == 2;
+    for (int n = 3; n < 6; n++) fits &= LENGTH(n, 0) == size && LENGTH(n, 1) == columns;
+    if (!sized(&given, fits)) return NULL;
+    for (Py_ssize_t n = 0; n < size; n++) {
+        const uint8_t *payload = ROW(uint8_t, 0, n);
+        for (Py_ssize_t c = 0; c < columns; c++) {
+            const int64_t *place = ROW(int64_t, 1, c); /* byte of the lowest bit, +1 upwards or -1 downwards, shift, length, is signed */
+            const double *linear = ROW(double, 2, c);
+            uint64_t word = 0, sign = place[4] ? (uint64_t)1 << (place[3] - 1) : 0;
+            for (int64_t k = 0; 8 * k < place[2] + place[3]; k++) {
+                int64_t at = place[0] + k * place[1];
+                uint64_t byte = at >= 0 && at < length ? payload[at] : 0;
+                word |= 8 * k >= place[2] ? byte << (8 * k - place[2]) : byte >> (place[2] - 8 * k);
+            }
+            word &= place[3] < 64 ? ((uint64_t)1 << place[3]) - 1 : ~(uint64_t)0;
+            ROW(uint64_t, 3, n)[c] = word;
+            int64_t raw = (int64_t)((word ^ sign) - sign);
+            ROW(int64_t, 4, n)[c] = raw;
+            ROW(double, 5, n)[c] = (double)raw * linear[0] + linear[1];
+        }
+    }
+    return done(&given);
+}
+
+/* The value of a flag for one frame and one of its numbered signals. */
+static inline int holds(const int64_t *flag, const int64_t *numbers, const int64_t *raw, const uint8_t *there, Py_ssize_t each, Py_ssize_t k) {
+    int64_t value = raw[flag[0] * each + k];
+    int found = 0;
+    for (int64_t i = flag[2]; i < flag[3]; i++) found |= value == numbers[i];
+    return (found == (int)flag[1]) & there[flag[0] * each + k];
+}
+
+KERNEL(quantities) {
+    TAKE("d2l2B2xl2d2l2l1xxd2!");
+    Py_ssize_t size = LENGTH(0, 0), columns = LENGTH(0, 1), each = (Py_ssize_t)given.number[0], kinds = LENGTH(3, 0), flags = LENGTH(5, 0);
+    int64_t all = (int64_t)given.number[1];
+    double greatest = given.number[2];
+    int fits = LENGTH(1, 0) == size && LENGTH(1, 1) == columns && LENGTH(2, 0) == size && LENGTH(2, 1) == columns && LENGTH(3, 1) == 3 &&
+               LENGTH(4, 0) == kinds && LENGTH(4, 1) == 2 && LENGTH(5, 1) == 4 && LENGTH(7, 0) == kinds && LENGTH(7, 1) == size * each && all < flags;
+    for (Py_ssize_t f = 0; fits && f < flags; f++) {
+        const int64_t *flag = ROW(int64_t, 5, f);
+        fits = flag[0] >= 0 && (flag[0] + 1) * each <= columns && flag[2] >= 0 && flag[3] <= LENGTH(6, 0);
+    }
+    for (Py_ssize_t q = 0; fits && q < kinds; q++) {
+        const int64_t *plan = ROW(int64_t, 3, q);
+        fits = plan[0] >= 0 && (plan[0] + 1) * each <= columns && plan[1] < flags && plan[2] < flags;
+    }
+    if (!sized(&given, fits)) return NULL;
+    const int64_t *numbers = ARRAY(6)->buf;
+    for (Py_ssize_t n = 0; n < size; n++) {
+        const double *physical = ROW(double, 0, n);
+        const int64_t *raw = ROW(int64_t, 1, n);
+        const uint8_t *there = ROW(uint8_t, 2, n);
+        for (Py_ssize_t k = 0; k < each; k++) {
+            int sound = all < 0 || holds(ROW(int64_t, 5, all), numbers, raw, there, each, k);
+            for (Py_ssize_t q = 0; q < kinds; q++) {
+                const int64_t *plan = ROW(int64_t, 3, q); /* row of its signal, flag of its validity, flag of its sign; -1: none */
+                const double *unit = ROW(double, 4, q);
+                double value = physical[plan[0] * each + k] * unit[0] + unit[1];
+                if (plan[2] >= 0 && holds(ROW(int64_t, 5, plan[2]), numbers, raw, there, each, k)) value = -value;
+                if (!sound || (plan[1] >= 0 && !holds(ROW(int64_t, 5, plan[1]), numbers, raw, there, each, k))) value = NAN;
+                ROW(double, 7, q)[n * each + k] = fabs(value) < greatest ? value : NAN;
+            }
+        }
+    }
+    return done(&given);
+}
+
 #define ENTRY(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, "As reference." #name "."}
 static PyMethodDef methods[] = {
     ENTRY(moved),     ENTRY(draw_now),  ENTRY(draw_past), ENTRY(draw_passes), ENTRY(draw_looks),   ENTRY(bilinear), ENTRY(nearest),
     ENTRY(note_view), ENTRY(add_look),  ENTRY(add_clamped), ENTRY(elfes),     ENTRY(look),         ENTRY(add_measured), ENTRY(usual),
+    ENTRY(signals),   ENTRY(quantities),
     {NULL, NULL, 0, NULL},
 };
 static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "compiled", "The hot loops, compiled.", 0, methods, NULL, NULL, NULL, NULL};

@@ -27,6 +27,8 @@ from echogrid.core.kernels.cells import (
     spread,
     window_cells,
 )
+from echogrid.core.kernels.frames import quantities as quantities
+from echogrid.core.kernels.frames import signals as signals
 
 
 def moved(points: Floats, x: float, y: float, cos: float, sin: float, out: Floats) -> None:
