@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from echogrid.core.kernels import reference
+from echogrid.core.kernels.answers import exponential
 from echogrid.core.kernels.cells import SIDE
 
 compiled: Any = pytest.importorskip("echogrid.core.kernels.compiled", reason="no C compiler was at hand when echogrid was installed")
@@ -126,7 +127,7 @@ def look(random: Random, size: int) -> list[Any]:
             random.dirichlet(np.ones(rays)),
         ),
         *(ends, origins, away / np.maximum(distance, 1e-9)[:, None], distance, (1 << random.integers(0, 4, size)).astype(np.uint16)),
-        *(0.5, np.array([-side, -1, 0, 1, side]), np.array([1.0, 1.7, 2.7, 1.7, 1.0]), *state),
+        *(0.5, np.array([-side, -1, 0, 1, side]), np.array([1.0, 1.7, 2.7, 1.7, 1.0]), *state, np.zeros(side**2, np.int32)),
         *(np.empty(tiles + 1, np.int64), *(np.zeros(side**2, dtype) for dtype in dtypes)),
     ]
 
@@ -148,6 +149,25 @@ def usual(random: Random, size: int) -> list[Any]:
         *(hit, here, beside, 0.07, random.random(), 0.2, 0.25, 0.2, 0.02, bool(random.random() < 0.8), *means),
         *np.ones((2, 400), np.bool_),
     ]
+
+
+def fold(random: Random, size: int) -> list[Any]:
+    height, width = size % 7 + 1, size % 5 + 1
+    return [random.integers(0, 256, (3, 2 * height, 2 * width)).astype(np.uint8), np.zeros((12, height, width), np.uint8)]
+
+
+def odds(random: Random, size: int) -> list[Any]:
+    return [single(random, 12, size, 6) * np.float32(random.choice([0.1, 1.0, 40.0])), np.ones((2, 2 * size, 12), np.float32)]
+
+
+def beside(random: Random, size: int) -> list[Any]:
+    return [points(random, size, 9, 1.0), random.random(size) < 0.3, 2.0, np.ones(size, np.bool_)]
+
+
+def agreeing(random: Random, size: int) -> list[Any]:
+    interval = random.choice([0.0, 16.0], size)
+    slope, rate, motions = random.normal(size=(size, 2)), random.normal(0, 9, size).round(1), random.normal(0, 9, (12, 2)).round(1)
+    return [slope, rate, interval, motions, 0.4, np.ones(12, np.int64)]
 
 
 def signals(random: Random, size: int) -> list[Any]:
@@ -182,7 +202,7 @@ CASES: dict[str, Callable[[Random, int], list[Any]]] = {
     case.__name__: case
     for case in (
         *(moved, draw_now, draw_past, draw_passes, draw_looks, bilinear, nearest, note_view, add_look, add_clamped, elfes, look),
-        *(add_measured, usual, signals, quantities),
+        *(add_measured, usual, fold, odds, beside, agreeing, signals, quantities),
     )
 }
 
@@ -208,6 +228,11 @@ def ordered(arguments: list[Any]) -> list[Any]:
     tile = np.repeat(np.arange(len(begins) - 1), np.diff(begins))
     order = np.lexsort((inside[cells], tile))
     return [*given_, begins, *(values[cells][order] for values in (inside, hits, near, passes, who))]
+
+
+def test_the_exponential_is_one() -> None:
+    x = np.linspace(-60, 60, 100_001).astype(np.float32)
+    np.testing.assert_allclose(exponential(x), np.exp(x.astype(float)), rtol=3e-7)
 
 
 def test_every_loop_is_compared() -> None:

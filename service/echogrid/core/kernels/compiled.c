@@ -130,8 +130,10 @@ static inline void raise_to(uint8_t *place, uint8_t value) {
     if (value > *place) *place = value;
 }
 
-static void by_table(const int32_t *counts, const uint8_t *table, uint8_t *out, Py_ssize_t size) {
-    for (Py_ssize_t c = 0; c < size; c++) out[c] = table[counts[c] > 255 ? 255 : counts[c]];
+/* One more at a place; `out` has the table's byte for how many there are. */
+static inline void count_one(uint8_t *counts, const uint8_t *table, uint8_t *out, Py_ssize_t at) {
+    counts[at] += counts[at] < 255;
+    out[at] = table[counts[at]];
 }
 
 KERNEL(moved) {
@@ -155,22 +157,22 @@ KERNEL(draw_now) {
                            ARRAY(4)->strides[1] == side && ARRAY(4)->strides[0] == cells))
         return NULL;
     const double *rcs = ARRAY(1)->buf, *deviation = ARRAY(2)->buf;
-    uint8_t *out = ARRAY(4)->buf;
-    int32_t *counts = calloc(cells, sizeof *counts);
+    const uint8_t *table = ARRAY(3)->buf;
+    uint8_t *out = ARRAY(4)->buf, *counts = calloc(cells, 1);
     if (counts == NULL) {
         drop(&given);
         return PyErr_NoMemory();
     }
-    memset(out, 0, 3 * cells);
+    memset(out, table[0], cells);
+    memset(out + cells, 0, 2 * cells);
     for (Py_ssize_t n = 0; n < size; n++) {
         const double *point = ROW(double, 0, n);
         Py_ssize_t at = patch_cell(point[0], point[1], given.number[0], given.number[1], side);
         if (at < 0) continue;
-        counts[at]++;
+        count_one(counts, table, out, at);
         raise_to(out + cells + at, byte_of_rcs(rcs[n]));
         raise_to(out + 2 * cells + at, byte_within(255 - 60 * deviation[n]));
     }
-    by_table(counts, ARRAY(3)->buf, out, cells);
     free(counts);
     return done(&given);
 }
@@ -183,9 +185,9 @@ KERNEL(draw_past) {
         return NULL;
     const double *age = ARRAY(1)->buf, *rcs = ARRAY(3)->buf;
     const int64_t *update = ARRAY(2)->buf;
-    uint8_t *out = ARRAY(5)->buf;
+    const uint8_t *table = ARRAY(4)->buf;
+    uint8_t *out = ARRAY(5)->buf, *counts = calloc(4 * cells, 1);
     double half = given.number[0], cell = given.number[1], close = given.number[2], middle = given.number[3], fading = given.number[4];
-    int32_t *counts = calloc(4 * cells, sizeof *counts);
     int64_t *last = malloc(cells * sizeof *last);
     if (counts == NULL || last == NULL) {
         free(counts);
@@ -194,20 +196,20 @@ KERNEL(draw_past) {
         return PyErr_NoMemory();
     }
     for (Py_ssize_t c = 0; c < cells; c++) last[c] = INT64_MIN;
-    memset(out, 0, 6 * cells);
+    memset(out, table[0], 4 * cells);
+    memset(out + 4 * cells, 0, 2 * cells);
     for (Py_ssize_t n = 0; n < size; n++) {
         const double *point = ROW(double, 0, n);
         Py_ssize_t at = patch_cell(point[0], point[1], half, cell, side);
         if (at < 0) continue;
-        counts[at] += age[n] <= close;
-        counts[cells + at] += age[n] <= middle;
-        counts[2 * cells + at]++;
-        counts[3 * cells + at] += last[at] != update[n];
+        if (age[n] <= close) count_one(counts, table, out, at);
+        if (age[n] <= middle) count_one(counts, table, out, cells + at);
+        count_one(counts, table, out, 2 * cells + at);
+        if (last[at] != update[n]) count_one(counts, table, out, 3 * cells + at);
         last[at] = update[n];
         raise_to(out + 4 * cells + at, byte_within(255 - age[n] * fading));
         raise_to(out + 5 * cells + at, byte_of_rcs(rcs[n]));
     }
-    by_table(counts, ARRAY(4)->buf, out, 4 * cells);
     free(counts);
     free(last);
     return done(&given);
@@ -476,7 +478,7 @@ typedef struct {
 
 static inline Touched *touch(Touched *list, int32_t *place, Py_ssize_t *count, Py_ssize_t cell) {
     if (!place[cell]) {
-        list[*count].cell = (int32_t)cell;
+        list[*count] = (Touched){.cell = (int32_t)cell};
         place[cell] = (int32_t)++*count;
     }
     return &list[place[cell] - 1];
@@ -484,35 +486,43 @@ static inline Touched *touch(Touched *list, int32_t *place, Py_ssize_t *count, P
 
 static int ascending(const void *one, const void *other) { return (*(int32_t *)one > *(int32_t *)other) - (*(int32_t *)one < *(int32_t *)other); }
 
-static inline Py_ssize_t window_cell(double x, double y, double cell, int64_t row, int64_t column, int64_t size) {
-    int64_t j = floored(x / cell) - column, i = floored(y / cell) - row;
+/* floor(x / cell): by its inverse, except where that lies so near to a whole number that the quotient might be on the other side of it. */
+static inline int64_t floored_quotient(double x, double cell, double inverse) {
+    double quotient = x * inverse, whole = (double)floored(quotient), beyond = quotient - whole;
+    if (!(beyond > 1e-6 && beyond < 1 - 1e-6) || !(fabs(quotient) < 1e6)) return floored(x / cell);
+    return (int64_t)whole;
+}
+
+static inline Py_ssize_t window_cell(double x, double y, double cell, double inverse, int64_t row, int64_t column, int64_t size) {
+    int64_t j = floored_quotient(x, cell, inverse) - column, i = floored_quotient(y, cell, inverse) - row;
     return i >= 0 && i < size && j >= 0 && j < size ? i * size + j : -1;
 }
 
 KERNEL(look) {
-    TAKE("xxxxd2d1d2d2d2d1H1xl1d1f1!B1!B1!l1!i1!f1!f1!f1!H1!");
+    TAKE("xxxxd2d1d2d2d2d1H1xl1d1f1!B1!B1!i1!l1!i1!f1!f1!f1!H1!");
     int64_t row = (int64_t)given.number[0], column = (int64_t)given.number[1], size = (int64_t)given.number[2];
     Py_ssize_t beams = LENGTH(2, 0), rays = LENGTH(1, 0), around = LENGTH(7, 0), cells = size * size, tile_row = row >> 7, tile_column = column >> 7;
     Py_ssize_t tall = ((row + size - 1) >> 7) - tile_row + 1, wide = ((column + size - 1) >> 7) - tile_column + 1;
     int fits = LENGTH(0, 0) == beams * rays && LENGTH(0, 1) == 2 && LENGTH(2, 1) == 2 && LENGTH(3, 0) == beams && LENGTH(3, 1) == 2 &&
                LENGTH(4, 0) == beams && LENGTH(4, 1) == 2 && LENGTH(5, 0) == beams && LENGTH(6, 0) == beams && LENGTH(8, 0) == around &&
-               LENGTH(12, 0) == tall * wide + 1;
-    for (int n = 9; n < 18; n++) fits &= n == 12 || LENGTH(n, 0) == cells;
+               LENGTH(13, 0) == tall * wide + 1;
+    for (int n = 9; n < 19; n++) fits &= n == 13 || LENGTH(n, 0) == cells;
     if (!sized(&given, fits)) return NULL;
     const double *shares = ARRAY(1)->buf, *distance = ARRAY(5)->buf, *weights = ARRAY(8)->buf;
     const uint16_t *radars = ARRAY(6)->buf;
     const int64_t *offsets = ARRAY(7)->buf;
-    float *hit = ARRAY(9)->buf, *hits = ARRAY(14)->buf, *near = ARRAY(15)->buf, *passes = ARRAY(16)->buf;
+    float *hit = ARRAY(9)->buf, *hits = ARRAY(15)->buf, *near = ARRAY(16)->buf, *passes = ARRAY(17)->buf;
     uint8_t *own = ARRAY(10)->buf, *passed = ARRAY(11)->buf;
-    uint16_t *who = ARRAY(17)->buf;
-    int64_t *begins = ARRAY(12)->buf;
-    int32_t *inside = ARRAY(13)->buf;
+    uint16_t *who = ARRAY(18)->buf;
+    int64_t *begins = ARRAY(13)->buf;
+    int32_t *inside = ARRAY(14)->buf, *place = ARRAY(12)->buf;
     double cell = given.number[3], margin = given.number[4], step = cell / 2;
     Py_ssize_t touched = 0, fresh = 0;
-    int32_t *place = calloc(cells, sizeof *place), *mine = malloc((beams + 1) * sizeof *mine);
-    Touched *list = calloc(cells, sizeof *list);
-    if (place == NULL || mine == NULL || list == NULL) {
-        free(place);
+    double most = beams * (double)(rays + around); /* cells that may be touched */
+    for (Py_ssize_t n = 0; n < beams; n++) most += distance[n] > 0 ? distance[n] / step + 1 : 0;
+    int32_t *mine = malloc((beams + 1) * sizeof *mine);
+    Touched *list = malloc((most < cells ? (size_t)most + 1 : (size_t)cells + 1) * sizeof *list);
+    if (mine == NULL || list == NULL) {
         free(mine);
         free(list);
         drop(&given);
@@ -521,7 +531,7 @@ KERNEL(look) {
     Py_BEGIN_ALLOW_THREADS;
     for (Py_ssize_t n = 0; n < beams * rays; n++) {
         const double *end = ROW(double, 0, n);
-        Py_ssize_t at = window_cell(end[0], end[1], cell, row, column, size);
+        Py_ssize_t at = window_cell(end[0], end[1], cell, 1 / cell, row, column, size);
         if (at < 0) continue;
         Touched *found = touch(list, place, &touched, at);
         found->share += shares[n % rays];
@@ -529,7 +539,7 @@ KERNEL(look) {
     }
     for (Py_ssize_t n = 0; n < beams; n++) {
         const double *point = ROW(double, 2, n), *origin = ROW(double, 3, n), *direction = ROW(double, 4, n);
-        Py_ssize_t at = window_cell(point[0], point[1], cell, row, column, size), before = -1;
+        Py_ssize_t at = window_cell(point[0], point[1], cell, 1 / cell, row, column, size), before = -1;
         if (at >= 0 && !own[at]) {
             own[at] = 1;
             mine[fresh++] = (int32_t)at;
@@ -537,7 +547,7 @@ KERNEL(look) {
         for (Py_ssize_t k = 0;; k++) {
             double along = step + (double)k * step;
             if (!(along < distance[n] - margin)) break;
-            at = window_cell(origin[0] + along * direction[0], origin[1] + along * direction[1], cell, row, column, size);
+            at = window_cell(origin[0] + along * direction[0], origin[1] + along * direction[1], cell, 1 / cell, row, column, size);
             if (at < 0 || at == before) continue;
             Touched *found = touch(list, place, &touched, at);
             before = at;
@@ -558,6 +568,7 @@ KERNEL(look) {
     for (Py_ssize_t t = 0; t < tall * wide; t++) begins[t + 1] += begins[t];
     for (Py_ssize_t n = 0; n < touched; n++) {
         const Touched *found = &list[n];
+        place[found->cell] = 0;
         int64_t at = found->cell, i = at / size + row, j = at % size + column;
         Py_ssize_t out = begins[TILE_OF(at)]++;
         float share = (float)(found->share < 1 ? found->share : 1), more = share - hit[at];
@@ -571,7 +582,6 @@ KERNEL(look) {
     memmove(begins + 1, begins, tall * wide * sizeof *begins);
     begins[0] = 0;
     Py_END_ALLOW_THREADS;
-    free(place);
     free(mine);
     free(list);
     return done(&given);
@@ -732,11 +742,132 @@ KERNEL(quantities) {
     return done(&given);
 }
 
+KERNEL(fold) {
+    TAKE("B3B3!");
+    Py_ssize_t planes = LENGTH(0, 0), height = LENGTH(1, 1), width = LENGTH(1, 2);
+    if (!sized(&given, LENGTH(0, 1) == 2 * height && LENGTH(0, 2) == 2 * width && LENGTH(1, 0) == 4 * planes)) return NULL;
+    for (Py_ssize_t p = 0; p < planes; p++)
+        for (Py_ssize_t i = 0; i < 2 * height; i++) {
+            const uint8_t *from = ROW3(uint8_t, 0, p, i);
+            uint8_t *even = ROW3(uint8_t, 1, 4 * p + 2 * (i & 1), i >> 1), *odd = ROW3(uint8_t, 1, 4 * p + 2 * (i & 1) + 1, i >> 1);
+            for (Py_ssize_t j = 0; j < width; j++) {
+                even[j] = from[2 * j];
+                odd[j] = from[2 * j + 1];
+            }
+        }
+    return done(&given);
+}
+
+/* exp(x) for |x| <= 87: 2^k exp(r), r within half of ln 2, by the reference's sums and products. */
+static inline float exponential(float x) {
+    float k = (float)(int32_t)(x * 1.44269502f + (x < 0 ? -0.5f : 0.5f));
+    float r = x - k * 0.693359375f;
+    r = r + k * 2.12194440e-4f;
+    float p = 1.98412698e-4f;
+    p = p * r + 1.38888889e-3f;
+    p = p * r + 8.33333333e-3f;
+    p = p * r + 4.16666667e-2f;
+    p = p * r + 1.66666667e-1f;
+    p = p * r + 0.5f;
+    p = p * r + 1.0f;
+    p = p * r + 1.0f;
+    union {
+        int32_t bits;
+        float number;
+    } power = {((int32_t)k + 127) * (1 << 23)};
+    return p * power.number;
+}
+
+KERNEL(odds) {
+    TAKE("f3f3!");
+    Py_ssize_t height = LENGTH(0, 1), width = LENGTH(0, 2);
+    if (!sized(&given, LENGTH(0, 0) == 12 && LENGTH(1, 0) == 2 && LENGTH(1, 1) == 2 * height && LENGTH(1, 2) == 2 * width)) return NULL;
+    float *line = malloc(2 * width * sizeof *line);
+    if (line == NULL) {
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    for (Py_ssize_t i = 0; i < 2 * height; i++) {
+        float *log_odds = ROW3(float, 1, 0, i), *weight = ROW3(float, 1, 1, i);
+        for (Py_ssize_t side = 0; side < 2; side++) {
+            Py_ssize_t part = 2 * (i & 1) + side;
+            const float *free_ = ROW3(float, 0, part, i >> 1), *unknown = ROW3(float, 0, 4 + part, i >> 1);
+            const float *occupied = ROW3(float, 0, 8 + part, i >> 1);
+            float *odds = line, *share = line + width;
+            for (Py_ssize_t j = 0; j < width; j++) {
+                float difference = occupied[j] - free_[j], less = difference < 0 ? difference : -difference;
+                float rest = unknown[j] - (difference > 0 ? occupied[j] : free_[j]);
+                less = less < -60 ? -60 : less;
+                rest = rest < -60 ? -60 : rest;
+                rest = rest > 60 ? 60 : rest;
+                float known = 1 + exponential(less);
+                odds[j] = difference;
+                share[j] = known / (known + exponential(rest));
+            }
+            for (Py_ssize_t j = 0; j < width; j++) {
+                log_odds[2 * j + side] = odds[j];
+                weight[2 * j + side] = share[j];
+            }
+        }
+    }
+    free(line);
+    return done(&given);
+}
+
+KERNEL(beside) {
+    TAKE("d2B1xB1!");
+    Py_ssize_t size = LENGTH(0, 0), movers = 0;
+    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(2, 0) == size)) return NULL;
+    const uint8_t *moving = ARRAY(1)->buf;
+    uint8_t *out = ARRAY(2)->buf;
+    double square = given.number[0] * given.number[0], *of = malloc((2 * size + 1) * sizeof *of);
+    if (of == NULL) {
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    for (Py_ssize_t n = 0; n < size; n++)
+        if (moving[n]) {
+            of[2 * movers] = ROW(double, 0, n)[0];
+            of[2 * movers++ + 1] = ROW(double, 0, n)[1];
+        }
+    for (Py_ssize_t n = 0; n < size; n++) {
+        const double *point = ROW(double, 0, n);
+        int near = 0;
+        for (Py_ssize_t m = 0; m < movers; m++) {
+            double dx = point[0] - of[2 * m], dy = point[1] - of[2 * m + 1];
+            near += dx * dx + dy * dy < square;
+        }
+        out[n] = near >= 2;
+    }
+    free(of);
+    return done(&given);
+}
+
+/* What a motion leaves of a range rate, modulo the ambiguity interval where there is one. */
+static inline double left_of(double rate, const double *slope, double interval, double speed, double yaw_rate) {
+    double left = rate - (speed * slope[0] + yaw_rate * slope[1]);
+    return interval > 0 ? left - interval * rint(left / interval) : left;
+}
+
+KERNEL(agreeing) {
+    TAKE("d2d1d1d2xl1!");
+    Py_ssize_t size = LENGTH(0, 0), guesses = LENGTH(3, 0);
+    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(3, 1) == 2 && LENGTH(4, 0) == guesses)) return NULL;
+    const double *rate = ARRAY(1)->buf, *interval = ARRAY(2)->buf;
+    for (Py_ssize_t m = 0; m < guesses; m++) {
+        const double *guess = ROW(double, 3, m);
+        int64_t count = 0;
+        for (Py_ssize_t n = 0; n < size; n++) count += fabs(left_of(rate[n], ROW(double, 0, n), interval[n], guess[0], guess[1])) < given.number[0];
+        ((int64_t *)ARRAY(4)->buf)[m] = count;
+    }
+    return done(&given);
+}
+
 #define ENTRY(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, "As reference." #name "."}
 static PyMethodDef methods[] = {
     ENTRY(moved),     ENTRY(draw_now),  ENTRY(draw_past), ENTRY(draw_passes), ENTRY(draw_looks),   ENTRY(bilinear), ENTRY(nearest),
     ENTRY(note_view), ENTRY(add_look),  ENTRY(add_clamped), ENTRY(elfes),     ENTRY(look),         ENTRY(add_measured), ENTRY(usual),
-    ENTRY(signals),   ENTRY(quantities),
+    ENTRY(signals),   ENTRY(quantities), ENTRY(fold), ENTRY(odds), ENTRY(beside), ENTRY(agreeing),
     {NULL, NULL, 0, NULL},
 };
 static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "compiled", "The hot loops, compiled.", 0, methods, NULL, NULL, NULL, NULL};

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.core.kernels.answers import fold as fold, odds as odds
 from echogrid.core.kernels.cells import (
     Bits,
     Bytes,
@@ -181,6 +182,7 @@ def look(
     hit: Singles,
     own: Bytes,
     passed: Bytes,
+    scratch: Places,
     begins: Integers,
     inside: Places,
     hits: Singles,
@@ -197,7 +199,7 @@ def look(
 
     Out, tile by tile: `begins` (T + 1,) where each tile's cells begin in the rest, rows of tiles first. Of cells that a beam touched:
     `inside` the flat cell in its tile, what is to be added to hits, near and passes, and `who` touched it. Their order within a tile is
-    free; arrays are as long as the window has cells.
+    free; arrays are as long as the window has cells. `scratch`, as long, holds zeros before and after.
     """
     flat = window_cells(ends, row, column, size, cell)
     in_window = flat >= 0
@@ -294,3 +296,18 @@ def usual(
         left[:] = (known[0] > stayed) & (recent[1] < leaves)
         known[:, left] = 0.0
         arrived[:] = near[0] & (recent[0] > arrives) & (known[1] < before * recent[0])
+
+
+def beside(points: Floats, moving: Mask, radius: float, out: Mask) -> None:
+    """(N,) which of the points have at least two `moving` ones less than `radius` m away."""
+    away = points[:, None, :] - points[moving][None, :, :]
+    out[:] = ((away * away).sum(axis=2) < radius * radius).sum(axis=1) >= 2
+
+
+def agreeing(slope: Floats, rate: Floats, interval: Floats, motions: Floats, tolerance: float, out: Integers) -> None:
+    """(M,) how many detections (N,) each motion (M, 2) explains: what speed and yaw rate by their slopes (N, 2) leave of the range rates,
+    modulo the ambiguity interval where that is not 0, is less than `tolerance` m/s."""
+    residual = rate - (motions[:, :1] * slope[:, 0] + motions[:, 1:] * slope[:, 1])  # (M, N)
+    known = np.where(interval > 0, interval, 1.0)
+    folded = np.where(interval > 0, residual - known * np.rint(residual / known), residual)
+    out[:] = (np.abs(folded) < tolerance).sum(axis=1)

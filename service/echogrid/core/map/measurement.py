@@ -66,6 +66,7 @@ class Measurement:
         inner, outer = (disc(radius / cell, self._size) for radius, _ in NEAR)
         self._offsets = outer
         self._weights = np.where(np.isin(outer, inner), NEAR[0][1] + NEAR[1][1], NEAR[1][1])
+        self._scratch = np.zeros(self._size**2, np.int32)
         self.begin(SE2(0.0, 0.0, 0.0))
 
     def begin(self, odom_from_base: SE2) -> None:
@@ -102,6 +103,7 @@ class Measurement:
             self._hit,
             self._own,
             self._passed,
+            self._scratch,
             begins,
             inside,
             hits,

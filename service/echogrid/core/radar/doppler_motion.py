@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from echogrid.core.kernels.dispatch import loops
 from echogrid.core.messages import Floats, RadarScan
 from echogrid.core.radar.mount import Mount
 
@@ -34,18 +35,21 @@ def doppler_motion(scans: Sequence[tuple[RadarScan, Mount]]) -> DopplerMotion | 
         return None
     slope = np.concatenate([_slope(scan.azimuth, mount) for scan, mount in scans])  # (N, 2)
     rate = np.concatenate([scan.range_rate for scan, _ in scans])  # (N,)
-    interval = np.concatenate([np.full(len(scan), scan.ambiguity) for scan, _ in scans])  # (N,)
-    pairs = (PAIRS * len(rate)).astype(np.intp)
-    pairs = pairs[np.abs(np.linalg.det(slope[pairs])) > APART]
-    if not len(pairs):
+    interval = np.repeat([scan.ambiguity for scan, _ in scans], [len(scan) for scan, _ in scans])  # (N,)
+    one, other = (PAIRS * len(rate)).astype(np.intp).T
+    (a, b), (c, d), p, q = slope[one].T, slope[other].T, rate[one], rate[other]
+    determinant = a * d - b * c
+    apart = np.abs(determinant) > APART
+    if not apart.any():
         return None
-    guesses = np.linalg.solve(slope[pairs], rate[pairs][..., None])[..., 0]  # (guesses, 2)
-    agreeing = np.abs(_residual(slope, rate, interval, guesses)) < TOLERANCE  # (guesses, N)
-    best = int(agreeing.sum(axis=1).argmax())
-    chosen = agreeing[best]
-    left = _residual(slope, rate, interval, guesses[[best]])[0]
-    refined = guesses[best] + np.linalg.lstsq(slope[chosen], left[chosen], rcond=None)[0]
-    support = np.count_nonzero(np.abs(_residual(slope, rate, interval, refined[None])) < TOLERANCE)
+    guesses = np.stack((p * d - b * q, a * q - p * c), axis=1)[apart] / determinant[apart, None]  # (guesses, 2), by Cramer's rule
+    counts = np.empty(len(guesses), dtype=np.int64)
+    loops.agreeing(slope, rate, interval, guesses, TOLERANCE, counts)
+    best = guesses[counts.argmax()]
+    left = _residual(slope, rate, interval, best)
+    chosen = np.abs(left) < TOLERANCE
+    refined = best + _least_squares(slope[chosen], left[chosen])
+    support = np.count_nonzero(np.abs(_residual(slope, rate, interval, refined)) < TOLERANCE)
     return DopplerMotion(float(refined[0]), float(refined[1]), (support - 2) / (len(rate) - 2))
 
 
@@ -56,8 +60,16 @@ def _slope(azimuth: Floats, mount: Mount) -> Floats:
     return np.stack((-cos, sensor.y * cos - sensor.x * sin), axis=1)
 
 
-def _residual(slope: Floats, rate: Floats, interval: Floats, motions: Floats) -> Floats:
-    """(M, N) what motions (M, 2) leave of the range rates, modulo the Doppler ambiguity interval where there is one."""
-    residual: Floats = rate - motions @ slope.T
+def _least_squares(slope: Floats, left: Floats) -> Floats:
+    """(2,): by the normal equations, of detections two of which are APART."""
+    x, y = slope.T
+    xx, xy, yy = float((x * x).sum()), float((x * y).sum()), float((y * y).sum())
+    xr, yr = float((x * left).sum()), float((y * left).sum())
+    return np.array((xr * yy - xy * yr, xx * yr - xr * xy)) / (xx * yy - xy * xy)
+
+
+def _residual(slope: Floats, rate: Floats, interval: Floats, motion: Floats) -> Floats:
+    """(N,) what a motion (2,) leaves of the range rates, modulo the Doppler ambiguity interval where there is one."""
+    residual: Floats = rate - (motion[0] * slope[:, 0] + motion[1] * slope[:, 1])
     known = np.where(interval > 0, interval, 1.0)
-    return np.where(interval > 0, residual - known * np.round(residual / known), residual)
+    return np.where(interval > 0, residual - known * np.rint(residual / known), residual)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.core.kernels.dispatch import loops
 from echogrid.core.messages import Floats
 from echogrid.core.radar.mount import Mount
 
@@ -75,6 +76,6 @@ def beside_movers(points: Floats, moving: NDArray[np.bool_], noise: GateNoise) -
     A car that passes abeam shows no radial speed in the middle and much at its ends: the part between them belongs to it too. One moving
     neighbour is not enough, since one detection in twenty has a gross Doppler error.
     """
-    distance = np.hypot(*(points[:, None, :] - points[moving][None, :, :]).transpose(2, 0, 1))  # (N, movers)
-    near: NDArray[np.bool_] = (distance < noise.mover_radius).sum(axis=1) >= 2
+    near = np.empty(len(points), dtype=np.bool_)
+    loops.beside(points, moving, noise.mover_radius, near)
     return near
