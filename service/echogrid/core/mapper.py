@@ -17,7 +17,7 @@ from echogrid.core.messages import EgoMotion, Floats, RadarScan
 from echogrid.core.motion.odometry import EgoState, Odometry
 from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
-from echogrid.core.radar.static_gate import GateNoise, beside_movers, deviation
+from echogrid.core.radar.static_gate import GateNoise, beside_movers
 from echogrid.core.trust.motion_watch import Verdict
 from echogrid.core.trust.watch import Watch
 
@@ -114,14 +114,14 @@ class Mapper:
             return None
         ego = max((one.ego for one in placed), key=lambda ego: ego.stamp_ns)
         found = self._detections(placed, ego)
-        standing = found.deviation <= self.noise.sigmas
-        static = found.chosen(standing & ~beside_movers(found.points, ~standing, self.noise))
+        near = found.chosen(np.concatenate([one.near for one in placed]))
+        static = near.chosen(self._standing(near))
         self.health.cycles += 1
         self.health.static_detections += len(static)
         view = self._view(placed, ego.stamp_ns)
         takes = self.map.takes(ego.odom_from_base)
         if self.map.reach:
-            self.map.measure(self._beams(placed, ego), ego.odom_from_base, view)
+            self.map.measure(self._beams(placed, found, ego), ego.odom_from_base, view)
         if takes:
             self.history.add(static, self._looks(placed, ego), ego.odom_from_base, self.odometry.distance)
             said = self.infer(self.history.surroundings(ego.odom_from_base, self._live(ego.stamp_ns)))
@@ -148,10 +148,7 @@ class Mapper:
             ego = self.odometry.at(scan.stamp_ns)
             if ego is None:
                 continue
-            mount = self.mounts[scan.sensor]
-            near = scan.within(mount.max_range)
-            sigmas = deviation(near.azimuth, near.range_rate, near.ambiguity, mount, ego.speed, ego.yaw_rate, self.noise)
-            placed.append(PlacedScan(near, mount, ego, sigmas, scan))
+            placed.append(PlacedScan.of(scan, self.mounts[scan.sensor], ego, self.noise))
         self.health.scans_without_pose += len(scans) - len(placed)
         return placed
 
@@ -177,29 +174,31 @@ class Mapper:
 
     def _detections(self, placed: list[PlacedScan], now: EgoState) -> Detections:
         """All their detections, moving ones too, in base at `now`: each carried there from where the car was when it was measured."""
-        parts = []
-        for one in placed:
-            range_, azimuth = one.scan.range, one.scan.azimuth
-            in_sensor = np.stack((range_ * np.cos(azimuth), range_ * np.sin(azimuth)), axis=1)
-            now_from_sensor = now.odom_from_base.inverse() @ one.ego.odom_from_base @ one.mount.base_from_sensor
-            origins = np.broadcast_to((now_from_sensor.x, now_from_sensor.y), in_sensor.shape)
-            parts.append(Detections(now_from_sensor.apply(in_sensor), origins, one.scan.rcs, one.deviation))
-        return Detections.joined(parts)
+        counts = [len(one.whole) for one in placed]
+        points, origins = np.empty((sum(counts), 2)), np.empty((sum(counts), 2))
+        base_from_odom = now.odom_from_base.inverse()
+        end = 0
+        for one, count in zip(placed, counts, strict=True):
+            some = slice(end, end := end + count)
+            now_from_sensor = base_from_odom @ one.ego.odom_from_base @ one.mount.base_from_sensor
+            points[some], origins[some] = now_from_sensor.apply(one.points), (now_from_sensor.x, now_from_sensor.y)
+        rcs, sigmas = np.concatenate([one.whole.rcs for one in placed]), np.concatenate([one.sigmas for one in placed])
+        return Detections(points, origins, rcs, sigmas)
 
-    def _beams(self, placed: list[PlacedScan], now: EgoState) -> Beams:
-        """Their static detections as far as the map reaches, which may be farther than a network is shown."""
-        bits = {name: 1 << bit for bit, name in enumerate(self.mounts)}
-        far, radars = list[PlacedScan](), list[int]()
-        for one in placed:
-            scan, ego = one.whole.within(self.map.reach), one.ego
-            sigmas = deviation(scan.azimuth, scan.range_rate, scan.ambiguity, one.mount, ego.speed, ego.yaw_rate, self.noise)
-            far.append(PlacedScan(scan, one.mount, ego, sigmas, scan))
-            radars += [bits[scan.sensor]] * len(scan)
-        found = self._detections(far, now)
+    def _standing(self, found: Detections) -> NDArray[np.bool_]:
+        """Which of them are static: their own range rate says so, and they are not between moving ones."""
         standing = found.deviation <= self.noise.sigmas
-        static = standing & ~beside_movers(found.points, ~standing, self.noise)
-        kept = found.chosen(static).moved(now.odom_from_base)
-        return Beams(kept.points, kept.origins, np.array(radars, dtype=np.uint16)[static])
+        return standing & ~beside_movers(found.points, ~standing, self.noise)
+
+    def _beams(self, placed: list[PlacedScan], found: Detections, now: EgoState) -> Beams:
+        """Their static detections as far as the map reaches, which may be farther than a network is shown."""
+        far = np.concatenate([one.whole.range for one in placed]) <= self.map.reach
+        bits = {name: 1 << bit for bit, name in enumerate(self.mounts)}
+        radars = np.repeat(np.array([bits[one.whole.sensor] for one in placed], dtype=np.uint16), [len(one.whole) for one in placed])
+        reached, radars = found.chosen(far), radars[far]
+        static = self._standing(reached)
+        kept = reached.chosen(static).moved(now.odom_from_base)
+        return Beams(kept.points, kept.origins, radars[static])
 
     def _looks(self, placed: list[PlacedScan], now: EgoState) -> Looks:
         """From where the scans were measured, in base at `now`."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,16 +30,11 @@ class Detections:
         return len(self.points)
 
     def moved(self, to_from_here: SE2) -> Detections:
-        return replace(self, points=to_from_here.apply(self.points), origins=to_from_here.apply(self.origins))
+        return Detections(to_from_here.apply(self.points), to_from_here.apply(self.origins), self.rcs, self.deviation)
 
     def chosen(self, which: NDArray[np.bool_]) -> Detections:
         """Those of a mask (N,)."""
         return Detections(self.points[which], self.origins[which], self.rcs[which], self.deviation[which])
-
-    @staticmethod
-    def joined(parts: Sequence[Detections]) -> Detections:
-        """At least one."""
-        return Detections(*(np.concatenate([getattr(part, key) for part in parts]) for key in ("points", "origins", "rcs", "deviation")))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,8 +56,9 @@ class Looks:
         )
 
     def moved(self, to_from_here: SE2) -> Looks:
-        place = np.column_stack((to_from_here.apply(self.place[:, :2]), self.place[:, 2] + to_from_here.yaw))
-        return replace(self, place=place)
+        place = np.empty_like(self.place)
+        place[:, :2], place[:, 2] = to_from_here.apply(self.place[:, :2]), self.place[:, 2] + to_from_here.yaw
+        return Looks(place, self.half_fov, self.max_range)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from echogrid.core.kernels.answers import fold as fold, odds as odds
+from echogrid.core.kernels.answers import fold as fold
+from echogrid.core.kernels.answers import odds as odds
 from echogrid.core.kernels.cells import (
     Bits,
     Bytes,
