@@ -96,6 +96,13 @@ static PyObject *done(Given *given) {
     Py_RETURN_NONE;
 }
 
+/* Loops that gain from wider registers, with the same results: chosen when the module is loaded. */
+#if defined(__x86_64__) && defined(__GLIBC__) && !defined(__clang__)
+#define WIDE __attribute__((target_clones("avx2", "default")))
+#else
+#define WIDE
+#endif
+
 #define ARRAY(n) (&given.array[n])
 #define ROW(type, n, i) ((type *)((char *)given.array[n].buf + (i) * given.array[n].strides[0]))
 #define ROW3(type, n, p, i) ((type *)((char *)given.array[n].buf + (p) * given.array[n].strides[0] + (i) * given.array[n].strides[1]))
@@ -228,6 +235,16 @@ static void spread(const int32_t *counts, const uint8_t *table, uint8_t *out, Py
     }
 }
 
+/* Blocks that the first points of a ray lie in, `blocks` squared for those outside. */
+WIDE static void along_ray(Py_ssize_t points, float x, float y, float dx, float dy, float length, float half, float step, int32_t blocks, int32_t *out) {
+    for (int32_t k = 0; k < (int32_t)points; k++) {
+        float share = (0.5f + (float)k) * step / length;
+        float column = (x + share * dx + half) / step, row = (y + share * dy + half) / step;
+        int inside = (column >= 0) & (column < (float)blocks) & (row >= 0) & (row < (float)blocks);
+        out[k] = inside ? (int32_t)row * blocks + (int32_t)column : blocks * blocks;
+    }
+}
+
 KERNEL(draw_passes) {
     TAKE("f2f2f1xxxxB1B2!");
     Py_ssize_t rays = LENGTH(0, 0), side = LENGTH(4, 0), along = (Py_ssize_t)given.number[3], blocks = along > 0 ? side / along : 0;
@@ -236,25 +253,36 @@ KERNEL(draw_passes) {
         return NULL;
     const float *distance = ARRAY(2)->buf;
     float half = (float)given.number[0], step = (float)given.number[1], margin = (float)given.number[2];
-    int32_t *counts = calloc(blocks * blocks, sizeof *counts);
-    if (counts == NULL) {
+    float longest = 0;
+    for (Py_ssize_t n = 0; n < rays; n++) longest = distance[n] > longest ? distance[n] : longest;
+    int32_t *counts = calloc(blocks * blocks + 1, sizeof *counts), *passed = malloc(((Py_ssize_t)(longest / step) + 2) * sizeof *passed);
+    if (counts == NULL || passed == NULL || !isfinite(longest)) {
+        free(counts);
+        free(passed);
         drop(&given);
         return PyErr_NoMemory();
     }
     for (Py_ssize_t n = 0; n < rays; n++) {
         const float *origin = ROW(float, 0, n), *way = ROW(float, 1, n);
         float limit = distance[n] - margin, length = distance[n] > 1e-3f ? distance[n] : 1e-3f;
-        for (Py_ssize_t k = 0;; k++) {
-            float reached = (0.5f + (float)k) * step;
-            if (!(reached < limit)) break;
-            float share = reached / length;
-            float column = (origin[0] + share * way[0] + half) / step, row = (origin[1] + share * way[1] + half) / step;
-            if (column >= 0 && column < (float)blocks && row >= 0 && row < (float)blocks) counts[(int)row * blocks + (int)column]++;
-        }
+        Py_ssize_t points = limit > 0 ? (Py_ssize_t)(limit / step) : 0; /* about as many: */
+        while (points > 0 && !((0.5f + (float)(points - 1)) * step < limit)) points--;
+        while ((0.5f + (float)points) * step < limit) points++;
+        along_ray(points, origin[0], origin[1], way[0], way[1], length, half, step, (int32_t)blocks, passed);
+        for (Py_ssize_t k = 0; k < points; k++) counts[passed[k]]++;
     }
     spread(counts, ARRAY(3)->buf, ARRAY(4)->buf, blocks, along);
     free(counts);
+    free(passed);
     return done(&given);
+}
+
+WIDE static void count_seen(const float *squares, const float *products, float square, float product, float reach, float least, Py_ssize_t blocks,
+                            int32_t *counts) {
+    for (Py_ssize_t j = 0; j < blocks; j++) {
+        float distance = sqrtf(squares[j] + square);
+        counts[j] += (distance <= reach) & (products[j] + product >= distance * least);
+    }
 }
 
 KERNEL(draw_looks) {
@@ -283,11 +311,7 @@ KERNEL(draw_looks) {
         }
         for (Py_ssize_t i = 0; i < blocks; i++) {
             float dy = middle[i] - scan[1], square = dy * dy, product = dy * scan[3];
-            int32_t *row = counts + i * blocks;
-            for (Py_ssize_t j = 0; j < blocks; j++) {
-                float distance = sqrtf(squares[j] + square);
-                row[j] += (distance <= reach) & (products[j] + product >= distance * least);
-            }
+            count_seen(squares, products, square, product, reach, least, blocks, counts + i * blocks);
         }
     }
     Py_END_ALLOW_THREADS;
@@ -297,19 +321,19 @@ KERNEL(draw_looks) {
     return done(&given);
 }
 
-/* Where a map cell lies in the patch with its border of one zero cell: the cell to the lower left, and how far on from its centre. */
-typedef struct {
-    Py_ssize_t row, column;
-    float fu, fv;
-} Place;
-
-static inline int placed(float u, float v, float limit, Place *place) {
-    if (!(u >= 0 && v >= 0 && u < limit && v < limit)) return 0;
-    place->column = (Py_ssize_t)u;
-    place->row = (Py_ssize_t)v;
-    place->fu = u - (float)place->column;
-    place->fv = v - (float)place->row;
-    return 1;
+/* Where a row of map cells lies in the patch with its border of one zero cell: the cell to the lower left, -1 outside, and how far on from
+ * its centre. */
+WIDE static void place_row(const float *dx, Py_ssize_t width, float dy, float c, float s, float shift, int32_t cells, int32_t *flat, float *fu,
+                           float *fv) {
+    float limit = (float)(cells + 1), sine = s * dy, cosine = c * dy;
+    for (Py_ssize_t j = 0; j < width; j++) {
+        float u = c * dx[j] + sine + shift, v = cosine - s * dx[j] + shift;
+        int32_t column = (int32_t)u, row = (int32_t)v;
+        int inside = (u >= 0) & (v >= 0) & (u < limit) & (v < limit);
+        flat[j] = inside ? row * (cells + 2) + column : -1;
+        fu[j] = u - (float)column;
+        fv[j] = v - (float)row;
+    }
 }
 
 KERNEL(bilinear) {
@@ -317,9 +341,12 @@ KERNEL(bilinear) {
     Py_ssize_t planes = LENGTH(0, 0), cells = LENGTH(0, 1), width = LENGTH(1, 0), height = LENGTH(2, 0), across = cells + 2;
     if (!sized(&given, LENGTH(0, 2) == cells && LENGTH(3, 0) == planes && LENGTH(3, 1) == height && LENGTH(3, 2) == width)) return NULL;
     const float *dx = ARRAY(1)->buf, *dy = ARRAY(2)->buf;
-    float c = (float)given.number[0], s = (float)given.number[1], shift = (float)given.number[2], limit = (float)(cells + 1);
-    float *padded = calloc(planes * across * across, sizeof *padded);
-    if (padded == NULL) {
+    float c = (float)given.number[0], s = (float)given.number[1], shift = (float)given.number[2];
+    float *padded = calloc(planes * across * across, sizeof *padded), *fu = malloc(3 * width * sizeof *fu + 1), *fv = fu + width;
+    int32_t *flat = (int32_t *)(fv + width);
+    if (padded == NULL || fu == NULL) {
+        free(padded);
+        free(fu);
         drop(&given);
         return PyErr_NoMemory();
     }
@@ -328,38 +355,49 @@ KERNEL(bilinear) {
         for (Py_ssize_t i = 0; i < cells; i++)
             memcpy(padded + (p * across + i + 1) * across + 1, ROW3(float, 0, p, i), cells * sizeof *padded);
     for (Py_ssize_t i = 0; i < height; i++) {
-        for (Py_ssize_t p = 0; p < planes; p++) memset(ROW3(float, 3, p, i), 0, width * sizeof(float));
-        for (Py_ssize_t j = 0; j < width; j++) {
-            Place at;
-            if (!placed(c * dx[j] + s * dy[i] + shift, c * dy[i] - s * dx[j] + shift, limit, &at)) continue;
-            for (Py_ssize_t p = 0; p < planes; p++) {
-                const float *lower = padded + (p * across + at.row) * across + at.column, *upper = lower + across;
-                float below = lower[0] * (1 - at.fu) + lower[1] * at.fu, above = upper[0] * (1 - at.fu) + upper[1] * at.fu;
-                ROW3(float, 3, p, i)[j] = below * (1 - at.fv) + above * at.fv;
+        place_row(dx, width, dy[i], c, s, shift, (int32_t)cells, flat, fu, fv);
+        for (Py_ssize_t p = 0; p < planes; p++) {
+            const float *plane = padded + p * across * across;
+            float *out = ROW3(float, 3, p, i);
+            for (Py_ssize_t j = 0; j < width; j++) {
+                out[j] = 0;
+                if (flat[j] < 0) continue;
+                const float *lower = plane + flat[j], *upper = lower + across;
+                float below = lower[0] * (1 - fu[j]) + lower[1] * fu[j], above = upper[0] * (1 - fu[j]) + upper[1] * fu[j];
+                out[j] = below * (1 - fv[j]) + above * fv[j];
             }
         }
     }
     Py_END_ALLOW_THREADS;
     free(padded);
+    free(fu);
     return done(&given);
 }
 
 KERNEL(nearest) {
     TAKE("H2f1f1xxxH2!");
-    Py_ssize_t cells = LENGTH(0, 0), width = LENGTH(1, 0), height = LENGTH(2, 0);
+    Py_ssize_t cells = LENGTH(0, 0), width = LENGTH(1, 0), height = LENGTH(2, 0), across = cells + 2;
     if (!sized(&given, LENGTH(0, 1) == cells && LENGTH(3, 0) == height && LENGTH(3, 1) == width)) return NULL;
     const float *dx = ARRAY(1)->buf, *dy = ARRAY(2)->buf;
-    float c = (float)given.number[0], s = (float)given.number[1], shift = (float)given.number[2], limit = (float)(cells + 1);
+    float c = (float)given.number[0], s = (float)given.number[1], shift = (float)given.number[2];
+    uint16_t *padded = calloc(across * across, sizeof *padded);
+    float *fu = malloc(3 * width * sizeof *fu + 1), *fv = fu + width;
+    int32_t *flat = (int32_t *)(fv + width);
+    if (padded == NULL || fu == NULL) {
+        free(padded);
+        free(fu);
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    for (Py_ssize_t i = 0; i < cells; i++) memcpy(padded + (i + 1) * across + 1, ROW(uint16_t, 0, i), cells * sizeof *padded);
     for (Py_ssize_t i = 0; i < height; i++) {
         uint16_t *out = ROW(uint16_t, 3, i);
-        for (Py_ssize_t j = 0; j < width; j++) {
-            Place at;
-            out[j] = 0;
-            if (!placed(c * dx[j] + s * dy[i] + shift, c * dy[i] - s * dx[j] + shift, limit, &at)) continue;
-            Py_ssize_t row = at.row + (at.fv >= 0.5f) - 1, column = at.column + (at.fu >= 0.5f) - 1; /* without the border */
-            if (row >= 0 && row < cells && column >= 0 && column < cells) out[j] = ROW(uint16_t, 0, row)[column];
-        }
+        place_row(dx, width, dy[i], c, s, shift, (int32_t)cells, flat, fu, fv);
+        for (Py_ssize_t j = 0; j < width; j++)
+            out[j] = flat[j] < 0 ? 0 : padded[flat[j] + (fu[j] >= 0.5f) + (fv[j] >= 0.5f ? across : 0)];
     }
+    free(padded);
+    free(fu);
     return done(&given);
 }
 
@@ -468,17 +506,22 @@ KERNEL(elfes) {
     return done(&given);
 }
 
-/* What a look adds to one cell. */
+/* What a look adds to one cell, by its row and column in the window. */
 typedef struct {
-    int32_t cell; /* in the window */
-    uint16_t who;
-    uint16_t passed;
+    int16_t row, column;
+    uint16_t who, passed;
     double share, near;
 } Touched;
 
-static inline Touched *touch(Touched *list, int32_t *place, Py_ssize_t *count, Py_ssize_t cell) {
+typedef struct {
+    int64_t row, column, size; /* of the first cell in the map, and along a side */
+    double cell, inverse;
+} Window;
+
+static inline Touched *touch(Touched *list, int32_t *place, Py_ssize_t *count, int64_t row, int64_t column, int64_t size) {
+    int64_t cell = row * size + column;
     if (!place[cell]) {
-        list[*count] = (Touched){.cell = (int32_t)cell};
+        list[*count] = (Touched){.row = (int16_t)row, .column = (int16_t)column};
         place[cell] = (int32_t)++*count;
     }
     return &list[place[cell] - 1];
@@ -487,15 +530,16 @@ static inline Touched *touch(Touched *list, int32_t *place, Py_ssize_t *count, P
 static int ascending(const void *one, const void *other) { return (*(int32_t *)one > *(int32_t *)other) - (*(int32_t *)one < *(int32_t *)other); }
 
 /* floor(x / cell): by its inverse, except where that lies so near to a whole number that the quotient might be on the other side of it. */
-static inline int64_t floored_quotient(double x, double cell, double inverse) {
-    double quotient = x * inverse, whole = (double)floored(quotient), beyond = quotient - whole;
-    if (!(beyond > 1e-6 && beyond < 1 - 1e-6) || !(fabs(quotient) < 1e6)) return floored(x / cell);
+static inline int64_t floored_quotient(double x, const Window *window) {
+    double quotient = x * window->inverse, whole = (double)floored(quotient), beyond = quotient - whole;
+    if (!(beyond > 1e-6 && beyond < 1 - 1e-6) || !(fabs(quotient) < 1e6)) return floored(x / window->cell);
     return (int64_t)whole;
 }
 
-static inline Py_ssize_t window_cell(double x, double y, double cell, double inverse, int64_t row, int64_t column, int64_t size) {
-    int64_t j = floored_quotient(x, cell, inverse) - column, i = floored_quotient(y, cell, inverse) - row;
-    return i >= 0 && i < size && j >= 0 && j < size ? i * size + j : -1;
+static inline int inside_window(double x, double y, const Window *window, int64_t *row, int64_t *column) {
+    *column = floored_quotient(x, window) - window->column;
+    *row = floored_quotient(y, window) - window->row;
+    return *row >= 0 && *row < window->size && *column >= 0 && *column < window->size;
 }
 
 KERNEL(look) {
@@ -505,7 +549,7 @@ KERNEL(look) {
     Py_ssize_t tall = ((row + size - 1) >> 7) - tile_row + 1, wide = ((column + size - 1) >> 7) - tile_column + 1;
     int fits = LENGTH(0, 0) == beams * rays && LENGTH(0, 1) == 2 && LENGTH(2, 1) == 2 && LENGTH(3, 0) == beams && LENGTH(3, 1) == 2 &&
                LENGTH(4, 0) == beams && LENGTH(4, 1) == 2 && LENGTH(5, 0) == beams && LENGTH(6, 0) == beams && LENGTH(8, 0) == around &&
-               LENGTH(13, 0) == tall * wide + 1;
+               LENGTH(13, 0) == tall * wide + 1 && size < 1 << 15;
     for (int n = 9; n < 19; n++) fits &= n == 13 || LENGTH(n, 0) == cells;
     if (!sized(&given, fits)) return NULL;
     const double *shares = ARRAY(1)->buf, *distance = ARRAY(5)->buf, *weights = ARRAY(8)->buf;
@@ -528,29 +572,31 @@ KERNEL(look) {
         drop(&given);
         return PyErr_NoMemory();
     }
+    const Window window = {row, column, size, cell, 1 / cell};
+    int64_t r, c;
     Py_BEGIN_ALLOW_THREADS;
     for (Py_ssize_t n = 0; n < beams * rays; n++) {
         const double *end = ROW(double, 0, n);
-        Py_ssize_t at = window_cell(end[0], end[1], cell, 1 / cell, row, column, size);
-        if (at < 0) continue;
-        Touched *found = touch(list, place, &touched, at);
+        if (!inside_window(end[0], end[1], &window, &r, &c)) continue;
+        Touched *found = touch(list, place, &touched, r, c, size);
         found->share += shares[n % rays];
         found->who |= radars[n / rays];
     }
     for (Py_ssize_t n = 0; n < beams; n++) {
         const double *point = ROW(double, 2, n), *origin = ROW(double, 3, n), *direction = ROW(double, 4, n);
-        Py_ssize_t at = window_cell(point[0], point[1], cell, 1 / cell, row, column, size), before = -1;
-        if (at >= 0 && !own[at]) {
-            own[at] = 1;
-            mine[fresh++] = (int32_t)at;
+        int64_t before = -1;
+        if (inside_window(point[0], point[1], &window, &r, &c) && !own[r * size + c]) {
+            own[r * size + c] = 1;
+            mine[fresh++] = (int32_t)(r * size + c);
         }
         for (Py_ssize_t k = 0;; k++) {
             double along = step + (double)k * step;
             if (!(along < distance[n] - margin)) break;
-            at = window_cell(origin[0] + along * direction[0], origin[1] + along * direction[1], cell, 1 / cell, row, column, size);
-            if (at < 0 || at == before) continue;
-            Touched *found = touch(list, place, &touched, at);
+            if (!inside_window(origin[0] + along * direction[0], origin[1] + along * direction[1], &window, &r, &c)) continue;
+            int64_t at = r * size + c;
+            if (at == before) continue;
             before = at;
+            Touched *found = touch(list, place, &touched, r, c, size);
             found->who |= radars[n];
             found->passed |= !passed[at];
             passed[at] = 1;
@@ -560,21 +606,21 @@ KERNEL(look) {
     for (Py_ssize_t n = 0; n < fresh; n++)
         for (Py_ssize_t k = 0; k < around; k++) {
             int64_t at = mine[n] + offsets[k];
-            if (at >= 0 && at < cells) touch(list, place, &touched, at)->near += weights[k];
+            if (at >= 0 && at < cells) touch(list, place, &touched, at / size, at % size, size)->near += weights[k];
         }
     memset(begins, 0, (tall * wide + 1) * sizeof *begins);
-#define TILE_OF(at) (((((at) / size + row) >> 7) - tile_row) * wide + (((at) % size + column) >> 7) - tile_column)
-    for (Py_ssize_t n = 0; n < touched; n++) begins[TILE_OF(list[n].cell) + 1]++;
+#define TILE_OF(one) ((((one).row + row) >> 7) - tile_row) * wide + (((one).column + column) >> 7) - tile_column
+    for (Py_ssize_t n = 0; n < touched; n++) begins[TILE_OF(list[n]) + 1]++;
     for (Py_ssize_t t = 0; t < tall * wide; t++) begins[t + 1] += begins[t];
     for (Py_ssize_t n = 0; n < touched; n++) {
         const Touched *found = &list[n];
-        place[found->cell] = 0;
-        int64_t at = found->cell, i = at / size + row, j = at % size + column;
-        Py_ssize_t out = begins[TILE_OF(at)]++;
+        int64_t at = found->row * size + found->column;
+        Py_ssize_t out = begins[TILE_OF(*found)]++;
         float share = (float)(found->share < 1 ? found->share : 1), more = share - hit[at];
+        place[at] = 0;
         hits[out] = more > 0 ? more : 0;
         hit[at] += hits[out];
-        inside[out] = (int32_t)((i & 127) * SIDE + (j & 127));
+        inside[out] = (int32_t)(((found->row + row) & 127) * SIDE + ((found->column + column) & 127));
         near[out] = (float)found->near;
         passes[out] = found->passed;
         who[out] = found->who;
@@ -760,10 +806,8 @@ KERNEL(fold) {
 
 /* exp(x) for |x| <= 87: 2^k exp(r), r within half of ln 2, by the reference's sums and products. */
 static inline float exponential(float x) {
-    float k = (float)(int32_t)(x * 1.44269502f + (x < 0 ? -0.5f : 0.5f));
-    float r = x - k * 0.693359375f;
-    r = r + k * 2.12194440e-4f;
-    float p = 1.98412698e-4f;
+    int32_t k = (int32_t)(x * 1.44269502f + (x < 0 ? -0.5f : 0.5f)), bits = (k + 127) * (1 << 23);
+    float r = x - (float)k * 0.693359375f + (float)k * 2.12194440e-4f, p = 1.98412698e-4f, power;
     p = p * r + 1.38888889e-3f;
     p = p * r + 8.33333333e-3f;
     p = p * r + 4.16666667e-2f;
@@ -771,19 +815,29 @@ static inline float exponential(float x) {
     p = p * r + 0.5f;
     p = p * r + 1.0f;
     p = p * r + 1.0f;
-    union {
-        int32_t bits;
-        float number;
-    } power = {((int32_t)k + 127) * (1 << 23)};
-    return p * power.number;
+    memcpy(&power, &bits, sizeof power);
+    return p * power;
+}
+
+WIDE static void odds_row(const float *vacant, const float *unknown, const float *occupied, Py_ssize_t width, float *odds, float *share) {
+    for (Py_ssize_t j = 0; j < width; j++) {
+        float difference = occupied[j] - vacant[j], less = difference < 0 ? difference : -difference;
+        float rest = unknown[j] - (difference > 0 ? occupied[j] : vacant[j]);
+        less = less < -60 ? -60 : less;
+        rest = rest < -60 ? -60 : rest;
+        rest = rest > 60 ? 60 : rest;
+        float known = 1 + exponential(less);
+        odds[j] = difference;
+        share[j] = known / (known + exponential(rest));
+    }
 }
 
 KERNEL(odds) {
     TAKE("f3f3!");
     Py_ssize_t height = LENGTH(0, 1), width = LENGTH(0, 2);
     if (!sized(&given, LENGTH(0, 0) == 12 && LENGTH(1, 0) == 2 && LENGTH(1, 1) == 2 * height && LENGTH(1, 2) == 2 * width)) return NULL;
-    float *line = malloc(2 * width * sizeof *line);
-    if (line == NULL) {
+    float *odds = malloc(2 * width * sizeof *odds + 1), *share = odds + width;
+    if (odds == NULL) {
         drop(&given);
         return PyErr_NoMemory();
     }
@@ -791,26 +845,14 @@ KERNEL(odds) {
         float *log_odds = ROW3(float, 1, 0, i), *weight = ROW3(float, 1, 1, i);
         for (Py_ssize_t side = 0; side < 2; side++) {
             Py_ssize_t part = 2 * (i & 1) + side;
-            const float *free_ = ROW3(float, 0, part, i >> 1), *unknown = ROW3(float, 0, 4 + part, i >> 1);
-            const float *occupied = ROW3(float, 0, 8 + part, i >> 1);
-            float *odds = line, *share = line + width;
-            for (Py_ssize_t j = 0; j < width; j++) {
-                float difference = occupied[j] - free_[j], less = difference < 0 ? difference : -difference;
-                float rest = unknown[j] - (difference > 0 ? occupied[j] : free_[j]);
-                less = less < -60 ? -60 : less;
-                rest = rest < -60 ? -60 : rest;
-                rest = rest > 60 ? 60 : rest;
-                float known = 1 + exponential(less);
-                odds[j] = difference;
-                share[j] = known / (known + exponential(rest));
-            }
+            odds_row(ROW3(float, 0, part, i >> 1), ROW3(float, 0, 4 + part, i >> 1), ROW3(float, 0, 8 + part, i >> 1), width, odds, share);
             for (Py_ssize_t j = 0; j < width; j++) {
                 log_odds[2 * j + side] = odds[j];
                 weight[2 * j + side] = share[j];
             }
         }
     }
-    free(line);
+    free(odds);
     return done(&given);
 }
 
