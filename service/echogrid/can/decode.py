@@ -152,11 +152,10 @@ class BatchDecoder:
     def decoded(self, payloads: NDArray[np.uint8]) -> Decoded:
         """All there is to say of the payloads."""
         shape = (len(payloads), len(self.layouts))
-        bits, raw, values = np.empty(shape, np.uint64), np.empty(shape, np.int64), np.empty(shape)
-        loops.signals(payloads, self._places, self._linear, bits, raw, values)
+        bits, raw, values, there = np.empty(shape, np.uint64), np.empty(shape, np.int64), np.empty(shape), np.empty(shape, np.bool_)
+        loops.signals(payloads, self._places, self._linear, bits, raw, values, there)
         if self._floats or self._unsigned64 or self._big:
             self._rewrite(bits, raw, values)
-        there = np.ones(shape, dtype=np.bool_)
         for column, selector, ids in self._conditions:
             chosen = np.trunc(values[:, selector])
             there[:, column] &= np.logical_or.reduce([(first <= chosen) & (chosen <= last) for first, last in ids])
@@ -167,6 +166,8 @@ class BatchDecoder:
             for array in (values, raw, there):
                 array[rows, column] = array[rows, other]
         count = len(self.names)
+        if count == len(self.layouts):
+            return Decoded(values, raw, there)
         return Decoded(values[:, :count], raw[:, :count], there[:, :count])
 
     def decode(self, payloads: NDArray[np.uint8]) -> NDArray[np.float64]:

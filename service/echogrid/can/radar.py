@@ -63,7 +63,7 @@ class RadarReader:
     def add(self, message: can.Message, received_ns: int) -> RadarScan | None:
         """The scan that this frame completes, if any. Raises ValueError for a bad frame."""
         role = self.roles[message.arbitration_id, message.is_extended_id]
-        payload = bytes(message.data[: role.length])
+        payload = bytes(message.data)[: role.length]
         if len(payload) < role.length:
             raise ValueError("too short")
         if role.kind is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from echogrid.core.health import Health, SensorHealth
 from echogrid.core.messages import EgoMotion, RadarScan
 from echogrid.errors import EchogridError
 
+NOTHING = ()
 STEP_NS = 1_000_000_000  # a frame that is older or newer than the newest by more was not reordered: it is a stray, or time has stepped
 BACK_FOR_NS = 1_000_000_000  # if frames stay older than the newest one for so long, the clock was set back
 AHEAD_FOR = 5  # frames in a row so far after it: there was a pause, or the clock was set forward
@@ -95,10 +96,10 @@ class SignalReader:
         """The ids that are read on a bus, for the kernel's filter."""
         return sorted(frame_id for name, frame_id in self.readers if name == bus)
 
-    def add(self, bus: str, message: can.Message) -> list[RadarScan | EgoMotion]:
+    def add(self, bus: str, message: can.Message) -> Sequence[RadarScan | EgoMotion]:
         """What a message completes. A bad one changes nothing and is counted; an error frame is not traffic."""
         if message.is_error_frame:
-            return []
+            return NOTHING
         self.health.frames += 1
         # A float of seconds since 1970 holds microseconds, not nanoseconds. Of its fraction, 22 bits, the product is exact, so that it is
         # rounded as in a text log; rounding the whole float would give another microsecond for one frame in eight.
@@ -106,23 +107,23 @@ class SignalReader:
         received_ns = (int(seconds) * 1_000_000 + round(fraction * 1e6)) * 1000
         if not self.time.takes(received_ns):
             self.health.bad_frames += 1
-            return []
+            return NOTHING
         self.health.clock_steps = self.time.set_back
         reader = self.readers.get((bus, (message.arbitration_id, message.is_extended_id)))
         if reader is None:
             self.health.unknown_frames += 1
-            return []
+            return NOTHING
         if message.is_remote_frame:
             self.health.bad_frames += 1
-            return []
+            return NOTHING
         try:
-            if isinstance(reader, MotionReader):
-                return [*reader.add(message, received_ns)]
-            scan = reader.add(message, received_ns)
-            return [] if scan is None else [scan]
+            if isinstance(reader, RadarReader):
+                scan = reader.add(message, received_ns)
+                return NOTHING if scan is None else (scan,)
+            return reader.add(message, received_ns)
         except ValueError:
             self.health.bad_frames += 1
-            return []
+            return NOTHING
 
 
 def bus_of(message: can.Message, buses: tuple[Bus, ...]) -> str | None:

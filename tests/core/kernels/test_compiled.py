@@ -184,7 +184,7 @@ def signals(random: Random, size: int) -> list[Any]:
         payloads,
         np.array(places, np.int64),
         random.normal(0, 9, (6, 2)),
-        *(np.ones((size, 6), t) for t in (np.uint64, np.int64, float)),
+        *(np.zeros((size, 6), t) for t in (np.uint64, np.int64, float, np.bool_)),
     ]
 
 

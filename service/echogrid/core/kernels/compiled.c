@@ -718,10 +718,10 @@ KERNEL(usual) {
 }
 
 KERNEL(signals) {
-    TAKE("B2l2d2Q2!l2!d2!");
+    TAKE("B2l2d2Q2!l2!d2!B2!");
     Py_ssize_t size = LENGTH(0, 0), length = LENGTH(0, 1), columns = LENGTH(1, 0);
     int fits = LENGTH(1, 1) == 5 && LENGTH(2, 0) == columns && LENGTH(2, 1) == 2;
-    for (int n = 3; n < 6; n++) fits &= LENGTH(n, 0) == size && LENGTH(n, 1) == columns;
+    for (int n = 3; n < 7; n++) fits &= LENGTH(n, 0) == size && LENGTH(n, 1) == columns;
     if (!sized(&given, fits)) return NULL;
     for (Py_ssize_t n = 0; n < size; n++) {
         const uint8_t *payload = ROW(uint8_t, 0, n);
@@ -739,6 +739,7 @@ KERNEL(signals) {
             int64_t raw = (int64_t)((word ^ sign) - sign);
             ROW(int64_t, 4, n)[c] = raw;
             ROW(double, 5, n)[c] = (double)raw * linear[0] + linear[1];
+            ROW(uint8_t, 6, n)[c] = 1;
         }
     }
     return done(&given);
