@@ -40,6 +40,8 @@ class SignalLayout:
 
     def raw(self, payload: bytes) -> int:
         """The signal's raw value in one payload. Only for integer signals."""
+        if self.shift + self.length <= 8 and not self.is_signed:
+            return payload[self.lsb_byte] >> self.shift & ((1 << self.length) - 1)
         if self.step > 0:
             word = int.from_bytes(payload[self.lsb_byte : self.lsb_byte + MARGIN], "little")
         else:

@@ -135,9 +135,9 @@ class RadarReader:
         if limit is not None:
             values = {name: value[:limit] for name, value in values.items()}
         polar = _polar(values)
-        sound = np.isfinite(polar[0]) & np.isfinite(polar[1]) & np.isfinite(polar[2]) & (polar[0] > 0)
-        self.health.invalid += int(np.count_nonzero(~sound))
+        sound = np.isfinite(polar[0] + polar[1] + polar[2]) & (polar[0] > 0)  # the reader's values are small numbers, or NaN
         kept = np.flatnonzero(sound)
+        self.health.invalid += len(sound) - len(kept)
         if len(kept) > self.profile.max_detections:
             self.health.truncated += len(kept) - self.profile.max_detections
             nearest = np.argsort(polar[0][kept], kind="stable")[: self.profile.max_detections]

@@ -44,14 +44,15 @@ class Recorder:
         update = self.pipeline.add(bus, message)
         if update is not None:
             self.cycle_s.append(time.perf_counter() - before)
-        self.first_s = message.timestamp if self.first_s is None else self.first_s
-        self.last_s = max(self.last_s, message.timestamp)
+        mapper, timestamp = self.pipeline.mapper, message.timestamp
+        self.first_s = timestamp if self.first_s is None else self.first_s
+        self.last_s = max(self.last_s, timestamp)
         now = self.last_s - self.first_s
-        states = self.pipeline.mapper.odometry.states
-        if self.pipeline.mapper.epoch != self.epoch:
-            self.epoch = self.pipeline.mapper.epoch
+        states = mapper.odometry.states
+        if mapper.epoch != self.epoch:
+            self.epoch = mapper.epoch
             self.trajectory.clear()
-            self.states.new_map(now, self.pipeline.mapper.watch.why_empty or "")
+            self.states.new_map(now, mapper.watch.why_empty or "")
         if self.states.due(now):
             self.states.look(now, self.pipeline.state(0))
         if states and (not self.trajectory or states[-1].stamp_ns - self.trajectory[-1].stamp_ns >= TRAJECTORY_STEP_NS):

@@ -11,10 +11,12 @@ from echogrid.core.kernels.cells import Bytes, Floats, Integers, Mask
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of values that are garbage
-def signals(payloads: Bytes, places: Integers, linear: Floats, bits: NDArray[np.uint64], raw: Integers, physical: Floats, there: Mask) -> None:
-    """Signals (N, C) out of payloads (N, length): their `bits`, the integer that these are, and that times a scale plus an offset, `linear`
-    (C, 2). `places` (C, 5): byte of the lowest bit, 1 where higher ones follow in the bytes behind it and -1 where in those before it,
-    shift of the lowest bit in its byte, length in bits, 1 for signed ones. Bytes beyond a payload are 0. All are `there`."""
+def signals(
+    payloads: Bytes, places: Integers, linear: Floats, bits: NDArray[np.uint64], raw: Integers, physical: Floats, there: Mask
+) -> None:
+    """Signals (N, C) out of payloads (N, length): their `bits`, the integer that these are, and that times a scale plus an offset,
+    `linear` (C, 2). `places` (C, 5): byte of the lowest bit, 1 where higher ones follow in the bytes behind it and -1 where in those
+    before it, shift of the lowest bit in its byte, length in bits, 1 for signed ones. Bytes beyond a payload are 0. All are `there`."""
     (first, step, shift, length, is_signed), size, margin = places.T, payloads.shape[1], 9
     rows = np.zeros((len(payloads), 2 * (size + margin)), dtype=np.uint8)  # the payload forwards and backwards: each signal reads upwards
     rows[:, :size] = payloads

@@ -120,10 +120,13 @@ class Measurement:
         if self._standstill is None:
             self._standstill = Standstill(self._size, self._cell)
             self._arrived = np.zeros_like(self._hit)
-        window, reach = self._window, Reach.of(beams, self.beam)
-        own = np.unique(window.flat(beams.points))
-        own = own[own >= 0]
+        window = self._window
+        own = window.flat(beams.points)
+        own = np.flatnonzero(np.bincount(own[own >= 0]))  # each once; np.unique would load all of numpy.ma
         arrived, left = self._standstill.see(own, seconds)
+        if not arrived.any() and not left.any():
+            return self._nothing()
+        reach = Reach.of(beams, self.beam)
         cells = window.flat(reach.ends)  # (N, rays)
         counted = (cells >= 0) & arrived[cells] & (self._arrived[cells] < ARRIVED)
         cells, who = cells[counted], np.broadcast_to(beams.radars[:, None], cells.shape)[counted]
@@ -145,3 +148,10 @@ class Measurement:
         some = touched[order]
         hit, beside = (values[some].astype(np.float32) for values in (hits, near))
         return Change(window, begins, inside, hit, beside, np.zeros_like(hit), first[some], left[some], radars[some])
+
+    def _nothing(self) -> Change:
+        """No cell changes."""
+        numbers, flags = np.empty(0, np.float32), np.empty(0, np.bool_)
+        begins = np.zeros(len(tiles_under(self._window)) + 1, np.int64)
+        inside, radars = np.empty(0, np.int32), np.empty(0, np.uint16)
+        return Change(self._window, begins, inside, numbers, numbers, numbers, flags, flags, radars)

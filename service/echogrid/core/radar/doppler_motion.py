@@ -31,11 +31,17 @@ def doppler_motion(scans: Sequence[tuple[RadarScan, Mount]]) -> DopplerMotion | 
     A standing point's range rate is linear in both: -cos(b) speed + (y cos(b) - x sin(b)) yaw_rate, for its bearing b in base from a mount
     at (x, y). None for fewer than LEAST detections, or all in one direction.
     """
-    if sum(len(scan) for scan, _ in scans) < LEAST:
+    sizes = [len(scan) for scan, _ in scans]
+    if sum(sizes) < LEAST:
         return None
-    slope = np.concatenate([_slope(scan.azimuth, mount) for scan, mount in scans])  # (N, 2)
+    sensors = [mount.base_from_sensor for _, mount in scans]
+    places = np.array([(sensor.x, sensor.y, sensor.yaw, scan.ambiguity) for sensor, (scan, _) in zip(sensors, scans, strict=True)])
+    x, y, yaw, interval = np.ascontiguousarray(np.repeat(places, sizes, axis=0).T)  # (N,) each
+    bearing = np.concatenate([scan.azimuth for scan, _ in scans]) + yaw
+    cos, sin = np.cos(bearing), np.sin(bearing)
+    slope = np.empty((len(bearing), 2))  # derivatives of a standing point's range rate by speed and yaw rate
+    slope[:, 0], slope[:, 1] = -cos, y * cos - x * sin
     rate = np.concatenate([scan.range_rate for scan, _ in scans])  # (N,)
-    interval = np.repeat([scan.ambiguity for scan, _ in scans], [len(scan) for scan, _ in scans])  # (N,)
     one, other = (PAIRS * len(rate)).astype(np.intp).T
     (a, b), (c, d), p, q = slope[one].T, slope[other].T, rate[one], rate[other]
     determinant = a * d - b * c
@@ -51,13 +57,6 @@ def doppler_motion(scans: Sequence[tuple[RadarScan, Mount]]) -> DopplerMotion | 
     refined = best + _least_squares(slope[chosen], left[chosen])
     support = np.count_nonzero(np.abs(_residual(slope, rate, interval, refined)) < TOLERANCE)
     return DopplerMotion(float(refined[0]), float(refined[1]), (support - 2) / (len(rate) - 2))
-
-
-def _slope(azimuth: Floats, mount: Mount) -> Floats:
-    """(N, 2) derivatives of a standing point's range rate by speed and yaw rate."""
-    sensor = mount.base_from_sensor
-    cos, sin = np.cos(azimuth + sensor.yaw), np.sin(azimuth + sensor.yaw)
-    return np.stack((-cos, sensor.y * cos - sensor.x * sin), axis=1)
 
 
 def _least_squares(slope: Floats, left: Floats) -> Floats:

@@ -6,6 +6,7 @@ sensor's own velocity over ground, which for a mount at (x, y) on a car with spe
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,7 +65,7 @@ def deviation(
     A sigma grows with what an azimuth error does to the prediction: little ahead, most abeam.
     """
     predicted, by_azimuth = static_range_rate(azimuth, mount, speed, yaw_rate)
-    lever = np.hypot(mount.base_from_sensor.x, mount.base_from_sensor.y)
+    lever = math.hypot(mount.base_from_sensor.x, mount.base_from_sensor.y)
     variance = noise.range_rate**2 + (by_azimuth * noise.azimuth) ** 2 + (predicted * noise.speed) ** 2 + (lever * noise.yaw_rate) ** 2
     sigmas: Floats = np.abs(fold(range_rate - predicted, ambiguity)) / np.sqrt(variance)
     return sigmas
