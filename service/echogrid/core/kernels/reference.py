@@ -151,18 +151,20 @@ def elfes(
 ) -> None:
     """(H, W) log-odds: sum of what detections say that are `distances` (D,) m from origins (D, 2) along rays (D, R, 2), which share each
     by weights (R,): `free` for cells that a ray passes up to `margin` m before its end, `occupied` where it ends."""
-    side, size = len(out), out.size
-    total = np.zeros(size)
-    for origin, distance, directions in zip(origins, distances, rays, strict=True):
-        steps = np.arange(cell / 2, distance - margin, cell / 2)
-        passed = patch_cells(origin + steps[None, :, None] * directions[:, None, :], half, cell, side)  # (R, steps)
-        once = np.unique((np.arange(len(weights))[:, None] * size + passed)[passed >= 0])  # a ray passes a cell once
-        ends = patch_cells(origin + distance * directions, half, cell, side)
-        cells = np.concatenate((once % size, ends[ends >= 0]))
-        said = np.concatenate((free * weights[once // size], occupied * weights[ends >= 0]))
-        touched, place = np.unique(cells, return_inverse=True)
-        total[touched] += np.bincount(place, weights=said).astype(np.float32)
-    out[:] = total.reshape(out.shape)
+    side, size, step = len(out), out.size, cell / 2
+    steps = np.maximum(np.ceil((distances - margin - step) / step), 0).astype(np.int64)  # (D,) on each ray
+    along = step + np.arange(steps.max(initial=0)) * step  # (K,) m
+    passed = patch_cells(origins[:, None, None] + along[:, None] * rays[:, :, None], half, cell, side)  # (D, R, K)
+    passed[np.broadcast_to((np.arange(len(along)) >= steps[:, None])[:, None], passed.shape)] = -1
+    first = passed >= 0
+    first[..., 1:] &= passed[..., 1:] != passed[..., :-1]  # a ray passes a cell once
+    ends = patch_cells(origins[:, None] + distances[:, None, None] * rays, half, cell, side)  # (D, R)
+    by, ray, _ = np.nonzero(first)
+    ended_by, end = np.nonzero(ends >= 0)
+    keys = np.concatenate((by * size + passed[first], ended_by * size + ends[ends >= 0]))
+    touched, place = np.unique(keys, return_inverse=True)
+    said = np.bincount(place, weights=np.concatenate((free * weights[ray], occupied * weights[end]))).astype(np.float32)
+    out[:] = np.bincount(touched % size, weights=said, minlength=size).reshape(out.shape)
 
 
 def look(
