@@ -35,15 +35,17 @@ class TrafficTime:
 
     def takes(self, received_ns: int) -> bool:
         """Whether a frame's time can be trusted."""
-        if self.newest_ns is None or abs(received_ns - self.newest_ns) <= STEP_NS:
-            self.newest_ns = received_ns if self.newest_ns is None else max(received_ns, self.newest_ns)
+        newest_ns = self.newest_ns
+        if newest_ns is None or -STEP_NS <= received_ns - newest_ns <= STEP_NS:
+            if newest_ns is None or received_ns > newest_ns:
+                self.newest_ns = received_ns
             self._run_ns = None
             return True
         if self._run_ns is None or abs(received_ns - self._run_ns[1]) > STEP_NS:
             self._run_ns, self._run = (received_ns, received_ns), 0
         self._run_ns = self._run_ns[0], max(received_ns, self._run_ns[1])
         self._run += 1
-        back = received_ns < self.newest_ns
+        back = received_ns < newest_ns
         if self.waiting_ns < BACK_FOR_NS if back else self._run < AHEAD_FOR:
             return False
         self.set_back += back

@@ -63,15 +63,15 @@ class Recorder:
         """Ends the last cycle and writes all files into a folder, which is made; returns the summary, with what the recording is like."""
         self.pipeline.mapper.end_cycle()
         out.mkdir(parents=True, exist_ok=True)
-        digest = write_map(out, self.pipeline.mapper.map, self.trajectory)
+        digest, known = write_map(out, self.pipeline.mapper.map, self.trajectory)
         if self.first_s is not None:
             self.states.look(self.last_s - self.first_s, self.pipeline.state(0))
-        summary = self._summary(digest, truth) | {"faults": list(faults), "notes": list(notes)}
+        summary = self._summary(digest, known, truth) | {"faults": list(faults), "notes": list(notes)}
         summary["files"] = sorted({*(name for name in FILES if (out / name).is_file()), "summary.json"})
         (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
         return summary
 
-    def _summary(self, digest: str, truth: Truth | None) -> dict[str, Any]:
+    def _summary(self, digest: str, known: bool, truth: Truth | None) -> dict[str, Any]:
         health = self.pipeline.health
         cycle_ms = np.array(self.cycle_s or [0.0]) * 1e3
         state = self.pipeline.state(0)
@@ -86,7 +86,7 @@ class Recorder:
             "changes_left_out": self.states.left_out,
             "epoch": self.epoch,
             "maps_begun": self.states.maps,
-            "not_to_be_trusted": self._distrust(),
+            "not_to_be_trusted": self.states.trusted() if known else "it is empty",
             "drive_s": round(self.last_s - (self.first_s or 0.0), 3),
             "wall_s": round(time.perf_counter() - self.started, 3),
             "frames": health.frames,
@@ -110,11 +110,6 @@ class Recorder:
         if truth is not None and self.trajectory:
             summary["trajectory_rmse_m"] = round(rmse(self.trajectory, truth), 3)
         return summary
-
-    def _distrust(self) -> str | None:
-        """Why the map is not to be trusted; None where it is."""
-        _, _, log_odds = self.pipeline.mapper.map.whole()
-        return self.states.trusted() if log_odds.any() else "it is empty"
 
 
 def rmse(trajectory: list[EgoState], truth: Truth) -> float:

@@ -16,8 +16,8 @@ from echogrid.maps.dense_map import write_npz
 from echogrid.maps.picture import draw
 
 
-def write_map(folder: Path, occupancy: TiledMap, trajectory: Sequence[EgoState]) -> str:
-    """Writes map.npz, map.pgm, map.yaml, map.png and trajectory.csv; returns the map's SHA-256."""
+def write_map(folder: Path, occupancy: TiledMap, trajectory: Sequence[EgoState]) -> tuple[str, bool]:
+    """Writes map.npz, map.pgm, map.yaml, map.png and trajectory.csv; returns the map's SHA-256, and whether anything is known in it."""
     row, column, log_odds = occupancy.whole()
     cell = occupancy.spec.cell
     origin = (column * cell, row * cell)
@@ -32,7 +32,7 @@ def write_map(folder: Path, occupancy: TiledMap, trajectory: Sequence[EgoState])
         for ego in trajectory:
             pose = ego.odom_from_base
             writer.writerow((ego.stamp_ns, f"{pose.x:.6f}", f"{pose.y:.6f}", f"{pose.yaw:.8f}"))
-    return sha256(log_odds, origin, cell)
+    return sha256(log_odds, origin, cell), log_odds.size > 0
 
 
 def sha256(log_odds: LogOdds, origin: tuple[float, float], cell: float) -> str:
