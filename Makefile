@@ -51,7 +51,7 @@ sbom: build/tools
 # the file away, to have it renewed.
 lock: build/tools
 	@echo "== lock: requirements/*.txt with hashes"
-	$(LOCK) pyproject.toml --extra terminal --extra metrics --extra mcap -o requirements/service.txt
+	$(LOCK) pyproject.toml --extra terminal --extra metrics --extra mcap --extra view -o requirements/service.txt
 	$(LOCK) pyproject.toml --all-extras training/pyproject.toml requirements/develop.in -c requirements/service.txt -o requirements/develop.txt
 	$(LOCK) requirements/build.in -c requirements/develop.txt -o requirements/build.txt
 	$(LOCK) requirements/tools.in -c requirements/develop.txt -o requirements/tools.txt

@@ -1,4 +1,4 @@
-"""The command line: `echogrid run | status | replay | check | map | demo`; what they do is in `commands`.
+"""The command line: `echogrid run | status | view | replay | check | init | map | demo`; what they do is in `commands`.
 
 A command is imported where it is run: `--help` need not wait for Zenoh and ONNX Runtime.
 """
@@ -7,39 +7,43 @@ from __future__ import annotations
 
 import argparse
 import logging
+import os
 import sys
 from pathlib import Path
 from typing import NoReturn
 
-from echogrid import __version__
+from echogrid import __version__, arguments
 from echogrid.config.tables import Publish
 from echogrid.errors import EchogridError
-from echogrid.recording.foxglove import LOOPBACK, PORT
 from echogrid.watching import journal
 
 
 def main() -> None:
-    """Exits with 0, or with 1 and one sentence on stderr."""
-    arguments = _parser().parse_args()
-    journal.configure(arguments.log_level)
+    """Exits with 0, or with another code and one sentence on stderr."""
+    parser = _parser()
+    if "_ARGCOMPLETE" in os.environ:
+        arguments.complete(parser)
+    given = parser.parse_args()
+    journal.configure(given.log_level)
     try:
-        arguments.command(arguments)
+        given.command(given)
     except EchogridError as error:
-        _give_up(str(error))
+        _give_up(str(error), error.exit_code)
     except OSError as error:  # a full disk, a folder that may not be written
         _give_up(f"{error.filename or 'the operating system says'}: {error.strerror or error}")
     except KeyboardInterrupt:
         sys.exit(130)
 
 
-def _give_up(sentence: str) -> NoReturn:
+def _give_up(sentence: str, exit_code: int = 1) -> NoReturn:
     """The program's last words, an error in the journal too."""
     text = f"echogrid: {sentence}"
-    sys.exit(journal.prefixed(text, logging.ERROR) if journal.to_journal() else text)
+    sys.stderr.write((journal.prefixed(text, logging.ERROR) if journal.to_journal() else text) + "\n")
+    sys.exit(exit_code)
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="echogrid", description="A car's corner radars on CAN in, one dense occupancy map out.")
+    parser = arguments.Parser(prog="echogrid", description="A car's corner radars on CAN in, one dense occupancy map out.")
     parser.add_argument("--version", action="version", version=f"echogrid {__version__}")
     parser.add_argument("--log-level", choices=journal.LEVELS, default="info", help="the lowest level that is logged (default: info)")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
@@ -52,14 +56,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FILE.mcap|BAG",
         help="record frames and all that is published, into a new file or, as a ROS 2 bag, a new folder; in one that exists named by time",
     )
-    run.add_argument(
-        "--foxglove",
-        type=_address,
-        nargs="?",
-        const=(LOOPBACK, PORT),
-        metavar="[HOST:]PORT",
-        help="a live view for Foxglove (default: 127.0.0.1:8765)",
-    )
+    arguments.add_foxglove(run)
     run.set_defaults(command=_run)
 
     status = commands.add_parser(
@@ -68,13 +65,17 @@ def _parser() -> argparse.ArgumentParser:
         epilog="Exit code: 0 if the state is ok, 1 without an answer, 2 in any other state.",
     )
     status.add_argument("--endpoint", default=Publish().listen[0], help="where the service listens (default: %(default)s)")
-    status.add_argument("--vehicle", default="car", help="as in its configuration (default: %(default)s)")
+    status.add_argument("--vehicle", help="as in its configuration (default: the one that is there)")
     status.add_argument(
         "--tls", type=Path, nargs=3, metavar=("CA", "CERTIFICATE", "KEY"), help="PEM files of a viewer, for an endpoint tls/HOST:PORT"
     )
     status.add_argument("--watch", action="store_true", help="repeat every second, until Ctrl-C")
     status.add_argument("--json", action="store_true", help="print it as published, one line each")
     status.set_defaults(command=_status)
+
+    view = commands.add_parser("view", help="the map in the browser: of a running service, a recording or a stored map")
+    arguments.add_view(view)
+    view.set_defaults(command=_view)
 
     replay = commands.add_parser(
         "replay",
@@ -90,6 +91,9 @@ def _parser() -> argparse.ArgumentParser:
     replay.add_argument("-c", "--config", type=Path, help="default: the drive folder's echogrid.toml")
     replay.add_argument("--out", type=Path, default=Path("out/replay"), help="folder for map, trajectory and summary (default: out/replay)")
     replay.add_argument("--realtime", action="store_true", help="at the bus's pace instead of as fast as possible")
+    replay.add_argument("--publish", action="store_true", help="at the bus's pace through the service, and out over Zenoh as `run` would")
+    replay.add_argument("--speed", type=arguments.speed, metavar="TIMES", help="with --publish: so many times the bus's pace (default: 1)")
+    arguments.add_foxglove(replay)
     replay.add_argument(
         "--record",
         type=Path,
@@ -101,27 +105,45 @@ def _parser() -> argparse.ArgumentParser:
 
     check = commands.add_parser(
         "check",
-        help="a configuration, and what a recording says is wrong with it",
-        epilog="Exits with 0 where nothing wrong was found, 2 where something was, 1 where a file cannot be read.",
+        help="a configuration, and what a recording or live buses say is wrong with it",
+        epilog="Exits with 0 where nothing wrong was found, 2 where something was, 1 where a file or a bus cannot be read.",
     )
     check.add_argument("log", type=Path, nargs="?", metavar="LOG")
     check.add_argument("-c", "--config", type=Path, required=True)
+    check.add_argument(
+        "--seconds", type=arguments.seconds, metavar="N", help="instead of a LOG: listen to the configured buses for so long"
+    )
     check.add_argument("--json", action="store_true", help="the report as one JSON object")
     check.add_argument("--fix-out", type=Path, metavar="FILE.toml", help="the mended configuration, with its profiles beside it")
     check.add_argument("--report", type=Path, metavar="FILE.html", help="one page with plots")
     check.set_defaults(command=_check)
+
+    init = commands.add_parser(
+        "init",
+        help="a configuration out of a recording, and DBCs if there are any",
+        epilog="Exits with 0 where a check accepts what was written, 2 where something is missing or wrong, 1 where a file cannot be read.",
+    )
+    init.add_argument("log", type=Path, metavar="LOG")
+    init.add_argument(
+        "--dbc", type=Path, action="append", default=[], metavar="FILE", help="may be given several times; none: shipped profiles"
+    )
+    init.add_argument(
+        "--out", type=Path, default=Path("echogrid.toml"), metavar="FILE.toml", help="with profiles beside it (default: %(default)s)"
+    )
+    init.add_argument("--force", action="store_true", help="replace files that are there")
+    init.set_defaults(command=_init)
 
     _map_parsers(commands.add_parser("map", help="stored maps: look, convert, merge").add_subparsers(required=True, metavar="COMMAND"))
 
     demo = commands.add_parser("demo", help="the shipped drive: over a CAN bus, through the service, over Zenoh, to a subscriber")
     demo.add_argument("--out", type=Path, default=Path("out/demo"))
     demo.set_defaults(command=_demo)
-    for command in (run, replay, demo):
+    for command in (run, view, replay, demo):
         command.add_argument("--model", help="default, paper, analytic, or the path of an .onnx file; otherwise as the configuration says")
     return parser
 
 
-def _map_parsers(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def _map_parsers(commands: argparse._SubParsersAction[arguments.Parser]) -> None:
     info = commands.add_parser("info", help="what a stored map holds")
     info.add_argument("file", type=Path, metavar="FILE.egmap")
     info.add_argument("--json", action="store_true", help="one JSON object")
@@ -162,82 +184,101 @@ def _map_parsers(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
         command.add_argument("--force", action="store_true", help="replace an existing output")
 
 
-def _address(text: str) -> tuple[str, int]:
-    """Host and port; on this machine alone unless another host is written out."""
-    host, colon, port = text.rpartition(":")
-    host = host.removeprefix("[").removesuffix("]")
-    if not port.isdecimal() or int(port) > 65535 or bool(colon) != bool(host):
-        raise argparse.ArgumentTypeError(f"'{text}' is not an address, expected PORT or HOST:PORT")
-    return host or LOOPBACK, int(port)
-
-
-def _run(arguments: argparse.Namespace) -> None:
+def _run(given: argparse.Namespace) -> None:
     from echogrid.commands.run import run
 
-    run(arguments.config, arguments.model, arguments.record, arguments.foxglove)
+    run(given.config, given.model, given.record, given.foxglove)
 
 
-def _status(arguments: argparse.Namespace) -> None:
+def _status(given: argparse.Namespace) -> None:
     from echogrid.commands.status import command
 
-    if not command(arguments.endpoint, arguments.vehicle, arguments.tls, going_on=arguments.watch, as_json=arguments.json):
+    if not command(given.endpoint, given.vehicle, given.tls, going_on=given.watch, as_json=given.json):
         sys.exit(2)
 
 
-def _replay(arguments: argparse.Namespace) -> None:
+def _replay(given: argparse.Namespace) -> None:
     from echogrid.commands.replay import command
+    from echogrid.commands.showing import publish
 
+    if given.publish:
+        speed, options = given.speed or 1.0, {name: getattr(given, name) for name in ("model", "record", "store", "foxglove")}
+        if not publish.command(given.drive, given.config, given.out, speed=speed, **options):
+            sys.exit(3)
+        return
+    for option in ("speed", "foxglove"):
+        if getattr(given, option) is not None:
+            raise EchogridError(f"--{option}: needs --publish")
     if not command(
-        arguments.drive,
-        arguments.config,
-        arguments.out,
-        realtime=arguments.realtime,
-        model=arguments.model,
-        record=arguments.record,
-        store=arguments.store,
+        given.drive,
+        given.config,
+        given.out,
+        realtime=given.realtime,
+        model=given.model,
+        record=given.record,
+        store=given.store,
     ):
         sys.exit(3)
 
 
-def _check(arguments: argparse.Namespace) -> None:
+def _view(given: argparse.Namespace) -> None:
+    from echogrid.commands.showing.view import Wanted, command, demo_drive
+
+    if given.demo and given.what is not None:
+        raise EchogridError(f"--demo: found with {given.what}, expected one of them")
+    path = demo_drive() if given.demo else given.what
+    names = ("config", "model", "epoch", "endpoint", "vehicle", "tls")
+    wanted = Wanted(path, **{name: getattr(given, name) for name in names})
+    command(wanted, given.listen, given.token, given.certificate, plaintext=given.plaintext)
+
+
+def _check(given: argparse.Namespace) -> None:
     from echogrid.commands.check import command
 
-    if not command(arguments.config, arguments.log, as_json=arguments.json, fix_out=arguments.fix_out, page=arguments.report):
+    options = {"as_json": given.json, "fix_out": given.fix_out, "page": given.report}
+    if not command(given.config, given.log, seconds=given.seconds, **options):
         sys.exit(2)
 
 
-def _demo(arguments: argparse.Namespace) -> None:
+def _init(given: argparse.Namespace) -> None:
+    from echogrid.commands.init import command
+
+    if not command(given.log, given.dbc, given.out, force=given.force):
+        sys.exit(2)
+
+
+def _demo(given: argparse.Namespace) -> None:
     from echogrid.commands.demo import command
 
-    command(arguments.out, arguments.model)
+    command(given.out, given.model)
 
 
-def _map_info(arguments: argparse.Namespace) -> None:
+def _map_info(given: argparse.Namespace) -> None:
     from echogrid.commands.map import info_command
 
-    info_command(arguments.file, as_json=arguments.json)
+    info_command(given.file, as_json=given.json)
 
 
-def _map_show(arguments: argparse.Namespace) -> None:
+def _map_show(given: argparse.Namespace) -> None:
     from echogrid.commands.map import show_command
 
-    show_command(arguments.file, arguments.out, epoch=arguments.epoch, force=arguments.force)
+    show_command(given.file, given.out, epoch=given.epoch, force=given.force)
 
 
-def _map_export(arguments: argparse.Namespace) -> None:
+def _map_export(given: argparse.Namespace) -> None:
     from echogrid.commands.map import export_command
 
-    options = {"epoch": arguments.epoch, "form": arguments.format, "mode": arguments.mode, "force": arguments.force}
-    export_command(arguments.file, arguments.out, bbox=arguments.bbox, **options)
+    options = {"epoch": given.epoch, "form": given.format, "mode": given.mode, "force": given.force}
+    export_command(given.file, given.out, bbox=given.bbox, **options)
 
 
-def _map_import(arguments: argparse.Namespace) -> None:
+def _map_import(given: argparse.Namespace) -> None:
     from echogrid.commands.map import import_command
 
-    import_command(arguments.file, arguments.out, vehicle=arguments.vehicle, force=arguments.force)
+    import_command(given.file, given.out, vehicle=given.vehicle, force=given.force)
 
 
-def _map_merge(arguments: argparse.Namespace) -> None:
+def _map_merge(given: argparse.Namespace) -> None:
     from echogrid.commands.map import merge_command
 
-    merge_command(arguments.maps, arguments.out, scheduler=arguments.scheduler, force=arguments.force)
+    merge_command(given.maps, given.out, scheduler=given.scheduler, force=given.force)

@@ -18,7 +18,7 @@ from zenoh.handlers import RingChannel
 from echogrid.errors import EchogridError
 from echogrid.topics.diagnostic_array import DiagnosticArray, decode_diagnostics
 from echogrid.topics.grids import Grid, decode_grid, decode_update
-from echogrid.topics.points import Points, decode_points
+from echogrid.topics.points import JudgedPoints, Points, decode_judged, decode_points
 from echogrid.topics.poses import decode_odometry
 from echogrid.topics.topic import (
     ALIVE,
@@ -26,6 +26,7 @@ from echogrid.topics.topic import (
     DIAGNOSTICS,
     FLEET,
     FULL,
+    JUDGED,
     KEY,
     META,
     ODOMETRY,
@@ -40,8 +41,9 @@ from echogrid.zenoh.fleet import decompress
 from echogrid.zenoh.follower import Follower, KeyName, MapName, Window
 from echogrid.zenoh.publisher import EXAMPLE, key, reason, session_config
 
-__all__ = ["Client", "Credentials", "DiagnosticArray", "MapName", "Points", "Pose", "Window"]
+__all__ = ["Client", "Credentials", "DiagnosticArray", "JudgedPoints", "MapName", "Points", "Pose", "Window", "vehicles"]
 
+OTHERS = 0.5  # s in which further vehicles may show up after the first
 POLL = 0.005  # s: a channel waits without a time-out, so it is looked at; 200 looks a second cost about 1 % of a core
 
 T = TypeVar("T")
@@ -77,14 +79,8 @@ class Client:
         self.malformed = 0
         self._subscribers: dict[Topic, Subscriber] = {}
         self._follower = Follower()
-        if credentials is not None:
-            credentials.check()
         self._open = ExitStack()
-        try:
-            self._session = self._open.enter_context(zenoh.open(session_config((), (endpoint,), sends=False, credentials=credentials)))
-        except zenoh.ZError as error:
-            what = f"Zenoh refuses '{endpoint}' ({reason(error)}), expected an endpoint such as '{EXAMPLE}'"
-            raise EchogridError(f"endpoint: {what}") from error
+        self._session = self._open.enter_context(_session(endpoint, credentials))
 
     def __enter__(self) -> Self:
         return self
@@ -101,7 +97,7 @@ class Client:
         return self._newest(FULL, _window, timeout)
 
     def follow(self, timeout: float = 1.0) -> Window | None:
-        """The same, put together from key frames and updates, which is less than half of the traffic. Its origin moves in steps, so that
+        """The same, put together from key frames and updates, which is less traffic. Its origin moves in steps, so that
         the car is not quite in its middle. Only complete windows are returned: what was lost is in the next one, within a second."""
         return self._wait(self._followed_next, timeout)
 
@@ -132,6 +128,10 @@ class Client:
     def detections(self, timeout: float = 1.0) -> Points | None:
         """The radars' static detections that the newest update of the map was made of, in base."""
         return self._newest(DETECTIONS, lambda sample: decode_points(bytes(sample.payload)), timeout)
+
+    def judged(self, timeout: float = 1.0) -> JudgedPoints | None:
+        """All detections of the trusted radars that the newest update was made of, in base: by which radar, and whether they were used."""
+        return self._newest(JUDGED, lambda sample: decode_judged(bytes(sample.payload)), timeout)
 
     def status(self, timeout: float = 2.0) -> dict[str, Any] | None:
         """The service's state; it is sent about once a second."""
@@ -199,6 +199,43 @@ class Client:
         # Without recovery: waiting for a map that was missed would hold back the newer ones.
         history = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1)
         return zenoh.ext.declare_advanced_subscriber(self._session, name, RingChannel(1), history=history)
+
+
+def vehicles(endpoint: str = EXAMPLE, credentials: Credentials | None = None, timeout: float = 5.0) -> list[str]:
+    """The vehicles whose services are running and connected at an endpoint, in alphabetical order; none where none is found in time.
+
+    Raises EchogridError as `Client` does.
+    """
+    deadline = time.monotonic() + timeout
+    with _session(endpoint, credentials) as session:
+        while not (found := _alive(session)) and (left := deadline - time.monotonic()) > 0:
+            time.sleep(min(0.1, left))
+        if found:
+            time.sleep(OTHERS)
+            found |= _alive(session)
+    return sorted(found)
+
+
+def _alive(session: zenoh.Session) -> set[str]:
+    """The vehicles of all liveliness tokens."""
+    tokens = session.liveliness().get(key("*", ALIVE), timeout=1.0)
+    return {str(reply.ok.key_expr).removesuffix(f"/{ALIVE}").rpartition("/")[2] for reply in tokens if reply.ok is not None}
+
+
+def _session(endpoint: str, credentials: Credentials | None) -> zenoh.Session:
+    """A session that connects to an endpoint, now or later. Raises EchogridError."""
+    if endpoint.startswith("tls/") and credentials is None:
+        raise EchogridError(
+            f"endpoint: {endpoint} takes only those who show a certificate, expected three PEM files: the authority's certificate, and a "
+            "certificate and its key whose common name is among the service's publish.tls.viewers (status: --tls CA CERTIFICATE KEY)"
+        )
+    if credentials is not None:
+        credentials.check()
+    try:
+        return zenoh.open(session_config((), (endpoint,), sends=False, credentials=credentials))
+    except zenoh.ZError as error:
+        what = f"Zenoh refuses '{endpoint}' ({reason(error)}), expected an endpoint such as '{EXAMPLE}'"
+        raise EchogridError(f"endpoint: {what}") from error
 
 
 def _key_name(sample: zenoh.Sample) -> KeyName:

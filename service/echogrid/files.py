@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+import difflib
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from echogrid.errors import EchogridError
+
+MOST_NAMES = 1000  # of a folder, among which a name is looked for
+
+
+def meant(path: Path) -> str:
+    """The end of a sentence about a file that is not there: a name beside it that is nearly the same, or nothing."""
+    try:
+        names = [entry.name for entry, _ in zip(path.parent.iterdir(), range(MOST_NAMES), strict=False)]
+    except OSError:
+        return ""
+    near = difflib.get_close_matches(path.name, names, n=1)
+    return f"; did you mean {path.with_name(near[0])}?" if near else ""
 
 
 def read(path: Path, most: int) -> bytes:
@@ -16,7 +29,7 @@ def read(path: Path, most: int) -> bytes:
         with path.open("rb") as file:
             data = file.read(most + 1)
     except OSError as error:
-        raise EchogridError(f"{path}: cannot be read: {error.strerror}") from error
+        raise EchogridError(f"{path}: cannot be read: {error.strerror}{'' if path.exists() else meant(path)}") from error
     if len(data) > most:
         raise EchogridError(f"{path}: holds more than {most >> 10} KiB, which is far beyond what such a file needs")
     return data

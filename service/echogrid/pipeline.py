@@ -12,6 +12,7 @@ from echogrid.config.tables import Config
 from echogrid.core.health import Health
 from echogrid.core.mapper import Mapper, MapUpdate
 from echogrid.core.messages import RadarScan
+from echogrid.core.motion.error_filter import ErrorFilter
 from echogrid.core.trust.watch import State
 from echogrid.model.sensor_model import sensor_model
 from echogrid.store.stored_map import describe
@@ -36,6 +37,7 @@ class Pipeline:
             noise=config.gate.noise(),
             cycle_ns=round(config.map.cycle_ms * 1e6),
             max_age_ns=round(config.map.max_age_ms * 1e6),
+            errors=ErrorFilter(tuple(mounts), config.motion.learns),
         )
 
     def add(self, bus: str, message: can.Message) -> MapUpdate | None:

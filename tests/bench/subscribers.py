@@ -25,6 +25,7 @@ from echogrid.config.loading import load_config
 from echogrid.config.tables import Config, Publish, Ros
 from echogrid.core.map.map_delta import around, key_window
 from echogrid.core.mapper import MapUpdate
+from echogrid.core.motion.error_filter import Certainty
 from echogrid.core.motion.odometry import EgoState
 from echogrid.core.motion.se2 import SE2
 from echogrid.logs.drive import Drive, find_drive
@@ -79,7 +80,7 @@ class Car:
         seen = window.joined(key_window(window))
         middle = slice(self.cells // 2 - 64, self.cells // 2 + 64)
         self.world[middle, middle] += self.random.normal(0, 0.2, (128, 128)).astype(np.float32)
-        update = MapUpdate(ego, self.random.normal(0, 10, (100, 2)))
+        update = MapUpdate(ego, self.random.normal(0, 10, (100, 2)), Certainty(np.eye(3), np.eye(2)))
         snapshot = Snapshot(update, 0, window, seen, self.world[: seen.height, : seen.width])
         started = time.monotonic()
         for message in self.announcer.map(snapshot):
@@ -120,7 +121,7 @@ def frozen(config: Config, cells: int) -> None:
         car = Car(config, cells, publisher)
         watchers = [subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) for _ in range(2)]
         drive_for(car, 3.0)
-        print(f"{cells} x {cells} cells at {RATE:.0f} Hz, five messages a map, two subscribers of all grids")
+        print(f"{cells} x {cells} cells at {RATE:.0f} Hz, six messages a map, two subscribers of all grids")
         told("  announcing, both read", drive_for(car, 10.0))
         os.kill(watchers[1].pid, signal.SIGSTOP)
         told("  announcing, one is frozen", drive_for(car, 15.0))

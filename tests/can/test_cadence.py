@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from echogrid.can.cadence import JUMP, Cadence
@@ -80,3 +80,46 @@ def test_cycles_that_are_left_out_among_the_first_are_no_lag(kind: tuple[int, in
         at += period * (1 + left_out if n - 1 in where else 1)
         cadence.add(n % (1 << bits), at * MS)
         assert abs(cadence.lag) < 0.03
+
+
+def batched(seed: int, period_ms: float, seconds: float, longest: float) -> list[tuple[int, int]]:
+    """Frames (number, ns) as a loaded machine stamps them: when it wakes up, every 10 ms or so, and now and then not for `longest` s."""
+    rng = random.Random(seed)
+    frames, wake = [], 0.0
+    for n in range(int(seconds * 1e3 / period_ms)):
+        sent = n * period_ms * 1e-3
+        waited = 0
+        while wake < sent:
+            wake += rng.expovariate(100.0) + (rng.uniform(0.05, longest) if rng.random() < 0.01 else 0.0)
+            waited = 0
+        frames.append((n, round((wake + waited * 3e-5) * 1e9)))
+        waited += 1
+    return frames
+
+
+@given(st.integers(0, 1000), st.sampled_from([(4, 10.0), (8, 50.0), (4, 20.0), (8, 100.0)]), st.floats(0.1, 0.45))
+@settings(max_examples=60, deadline=None)
+def test_stalls_of_who_stamps_the_frames_leave_no_lag(seed: int, kind: tuple[int, float], longest: float) -> None:
+    """What has waited comes at once, and from then on there is no lag; "left out" and "gone round" were wrong guesses."""
+    bits, period = kind
+    cadence = Cadence(bits)
+    lags, late_ns = [], []
+    for number, ns in batched(seed, period, 20.0, longest):
+        cadence.add(number % (1 << bits), ns)
+        lags.append(cadence.lag)
+        late_ns.append(ns - number * period * MS)
+    caught_up = [lag for lag, late in zip(lags[len(lags) // 2 :], late_ns[len(lags) // 2 :], strict=True) if late < 30 * MS]
+    assert len(caught_up) > 10
+    assert sum(abs(lag) > 0.1 for lag in caught_up) < 0.05 * len(caught_up)
+
+
+@given(st.sampled_from([10, 20, 50, 100]), st.integers(0, 30))
+@settings(max_examples=40, deadline=None)
+def test_a_stall_among_the_first_frames_does_not_settle_the_period(period: int, waiting: int) -> None:
+    """The first `waiting` frames come at once; the period is learned all the same."""
+    cadence = Cadence(8)
+    for n in range(round(8000 / period)):
+        cadence.add(n % 256, max(n, waiting) * period * MS + n * 1000)
+    assert abs(cadence.lag) < JUMP / 4
+    cadence.add(round(8000 / period) % 256, (8000 + 450) * MS)
+    assert abs(cadence.lag - 0.45) < JUMP / 4

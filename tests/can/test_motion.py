@@ -9,6 +9,8 @@ from pathlib import Path
 import cantools
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from tests.support.frames import frame, wheel_speeds, yaw_rate
 
 from echogrid.can.dbc import Dbc
@@ -96,7 +98,7 @@ def test_turn_rates_of_wheels_need_the_tyres_radius_and_sentinels_are_no_speeds(
     message = cantools.database.load_file(dbc.path, strict=False).get_message_by_name("WheelSpeed")
     rates = {signal.name: 0 for signal in message.signals} | {"WhlRl_W_Meas": 20.0, "WhlRr_W_Meas": 22.0}
     (speed,) = motion.add(frame(message.frame_id, message.encode(rates, strict=False), 1.0), 1)
-    assert speed == Speed(1, pytest.approx(21 * 0.33))
+    assert speed == Speed(1, pytest.approx(21 * 0.33), difference=pytest.approx(2 * 0.33))
     for raw in (32766, 32767):
         unknown = message.encode(rates | {"WhlRl_W_Meas": raw * 0.01}, strict=False)
         with pytest.raises(ValueError, match="invalid"):
@@ -142,7 +144,39 @@ def test_no_number_is_no_motion(tmp_path: Path) -> None:
         '[yaw_rate]\nmessage = "Y"\nyaw_rate = { signal = "Rate", unit = "rad/s" }\n'
     )
     motion = MotionReader(load_motion(path), Dbc(tmp_path / "float.dbc", path), Motion(bus="can0"), Health())
-    assert motion.add(frame(1, np.array((2.0, 4.0), dtype="<f4").tobytes(), 1.0), 1) == [Speed(1, 3.0)]
+    assert motion.add(frame(1, np.array((2.0, 4.0), dtype="<f4").tobytes(), 1.0), 1) == [Speed(1, 3.0, difference=2.0)]
     for identifier, values in ((1, (2.0, math.nan)), (2, (math.nan,))):
         with pytest.raises(ValueError, match="invalid"):
             motion.add(frame(identifier, np.array(values, dtype="<f4").tobytes(), 1.0), 2)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_loaded_machine_that_stamps_late_begins_no_new_map(seed: int) -> None:
+    """Stalls of up to 0.4 s, after which all that waited comes at once: every sample continues those before."""
+    motion, _ = reader("vehicle_motion")
+    rng = np.random.default_rng(seed)
+    wake, waited, samples = 0.0, 0, []
+    for n in range(3000):
+        while wake < n * 0.01:
+            wake += rng.exponential(0.01) + (rng.uniform(0.05, 0.4) if rng.random() < 0.01 else 0.0)
+            waited = 0
+        waited += 1
+        samples += motion.add(wheel_speeds(5.0, n % 16, 1.0), round((wake + waited * 3e-5) * 1e9))
+    assert all(sample.continues for sample in samples)
+    assert len(samples) > 2700
+
+
+@given(st.floats(0.25, 0.6), st.integers(0, 15))
+@settings(max_examples=30, deadline=None)
+def test_time_that_jumps_and_stays_ahead_begins_one(jump: float, phase: int) -> None:
+    """Told a quarter of a second later, until when there is no sample: it might have been a stall."""
+    motion, _ = reader("vehicle_motion")
+    for n in range(300):
+        motion.add(wheel_speeds(5.0, (n + phase) % 16, 1.0), round(n * 1e7))
+    after = [motion.add(wheel_speeds(5.0, (n + phase) % 16, 1.0), round(n * 1e7 + jump * 1e9)) for n in range(300, 360)]
+    round_trip = abs(jump / 0.16 - round(jump / 0.16)) < 0.25  # a counter of four bits goes round in 0.16 s, and could have
+    if not round_trip:
+        first = next(n for n, samples in enumerate(after) if samples)
+        assert first == 25
+        assert not after[first][0].continues
+        assert all(sample.continues for samples in after[first + 1 :] for sample in samples)

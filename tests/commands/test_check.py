@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import json
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -162,7 +163,7 @@ def test_times_that_stand_still_are_said(
             sentence = f"its times do not go on: all {len(messages)} frames are of {time:.6f} s"
             assert sentence in checked(tmp_path, name, data, capsys)[1]
             assert sentence in replayed(tmp_path, name, data)
-    assert not (tmp_path / "out").exists()
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["summary.json"]
 
 
 def test_times_that_go_back_are_said(tmp_path: Path, messages: list[can.Message], capsys: pytest.CaptureFixture[str]) -> None:
@@ -262,7 +263,10 @@ def test_a_replay_without_a_map_is_no_success(tmp_path: Path, messages: list[can
     motion = [message for message in messages if message.arbitration_id < 0x200]
     said = replayed(tmp_path, "a.log", recorded.joined(recorded.candump(motion)))
     assert "no map came of it: it has 0 complete scans and " in said
-    assert not (tmp_path / "out").exists()
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["summary.json"]
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["files"] == ["summary.json"]
+    assert (summary["not_to_be_trusted"], summary["worst_state"], summary["cycles"]) == ("it is empty", "stale", 0)
 
 
 def test_what_mf4_needs_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -150,18 +150,20 @@ def test_time_that_goes_backwards_is_dropped_and_counted(drive: Path, tmp_path: 
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "complaint"),
+    ("name", "content", "code", "complaint"),
     [
-        ("other.log", "(1.0) can0 123#00\n(2.0) can0 456#00\n", "none of its 2 frames is one that"),
-        ("empty.log", "", "holds no CAN message"),
-        ("noise.log", "\x00\x01\x02", "holds no CAN message; 1 of its parts could not be understood, the first is line 1: "),
-        ("log.txt", "", "is not a known log format"),
+        ("other.log", "(1.0) can0 123#00\n(2.0) can0 456#00\n", 3, "none of its 2 frames is one that"),
+        ("empty.log", "", 1, "holds no CAN message"),
+        ("noise.log", "\x00\x01\x02", 1, "holds no CAN message; 1 of its parts could not be understood, the first is line 1: "),
+        ("log.txt", "", 1, "is not a known log format"),
     ],
 )
-def test_bad_logs_are_one_sentence_and_write_nothing(drive: Path, tmp_path: Path, name: str, content: str, complaint: str) -> None:
+def test_bad_logs_are_one_sentence_and_write_nothing(
+    drive: Path, tmp_path: Path, name: str, content: str, code: int, complaint: str
+) -> None:
     (tmp_path / name).write_text(content)
     done = echogrid("replay", tmp_path / name, "-c", drive / "echogrid.toml", "--out", tmp_path / "out")
-    assert done.returncode == 1
+    assert done.returncode == code
     assert done.stderr.startswith(f"echogrid: {tmp_path / name}: ")
     assert complaint in done.stderr
     assert done.stderr.count("\n") == 1
@@ -195,6 +197,48 @@ def test_another_programs_truth_file_is_said_and_stops_nothing(drive: Path, tmp_
     assert said[0].startswith(f"not used: {folder / 'truth.npz'}: is not a truth file with the arrays stamp_ns, x, y and yaw")
     assert "trajectory_rmse_m" not in summary
     assert summary["map_sha256"] == replay(find_drive(drive, None), tmp_path / "without")["map_sha256"]
+
+
+def test_a_map_that_is_not_there_is_not_named(drive: Path, tmp_path: Path) -> None:
+    """Radars without ego motion: exit code 3, a summary with its state, and no file but it."""
+    with can.Logger(tmp_path / "radars.log") as logger:
+        for message in can.LogReader(drive / "can.log"):
+            if message.arbitration_id >= 0x200:
+                logger.on_message_received(message)
+    done = echogrid("replay", tmp_path / "radars.log", "-c", drive / "echogrid.toml", "--out", tmp_path / "out")
+    assert done.returncode == 3
+    assert done.stderr.startswith(f"echogrid: {tmp_path / 'radars.log'}: no map came of it: it has ")
+    assert done.stderr.count("\n") == 1
+    assert "map.png" not in done.stdout
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert (summary["files"], summary["not_to_be_trusted"], summary["map_sha256"]) == (["summary.json"], "it is empty", None)
+    assert sum(summary["seconds"].values()) == pytest.approx(summary["drive_s"], abs=0.02)
+
+
+def test_radars_on_another_bus_or_channel_are_named_with_the_line_that_mends_it(drive: Path, tmp_path: Path) -> None:
+    """The rear radars are recorded on another channel: a map of the front ones, and what would mend it; then a bus that is configured."""
+    with can.Logger(tmp_path / "two.log") as logger:
+        for message in can.LogReader(drive / "can.log"):
+            message.channel = "vcan7" if message.arbitration_id >= 0x320 else "can0"
+            logger.on_message_received(message)
+    split = (drive / "echogrid.toml").read_text().split("[[radar]]")
+    rear = [part.replace('bus = "can0"', 'bus = "rear"') for part in split[3:]]
+    two = split[0] + '[[bus]]\nname = "rear"\nchannel = "can1"\n\n[[radar]]' + "[[radar]]".join([*split[1:3], *rear])
+    (tmp_path / "echogrid.toml").write_text(two)
+    done = echogrid("replay", tmp_path / "two.log", "-c", tmp_path / "echogrid.toml", "--out", tmp_path / "out")
+    note = "note: frames with ids that are read are of channel 'vcan7', expected 'can1': give log_channel = \"vcan7\" to the bus 'rear'\n"
+    assert note in done.stdout
+    mended = two.replace('channel = "can1"', 'channel = "can1"\nlog_channel = "vcan7"')
+    (tmp_path / "echogrid.toml").write_text(mended)
+    done = echogrid("replay", tmp_path / "two.log", "-c", tmp_path / "echogrid.toml", "--out", tmp_path / "out")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "note: frames" not in done.stdout
+    assert "note: ids" not in done.stdout
+    parts = mended.split("[[radar]]")
+    parts[4] = parts[4].replace('bus = "rear"', 'bus = "can0"')
+    (tmp_path / "echogrid.toml").write_text("[[radar]]".join(parts))
+    done = echogrid("replay", tmp_path / "two.log", "-c", tmp_path / "echogrid.toml", "--out", tmp_path / "out")
+    assert "note: ids such as 0x330 are on bus 'rear', expected on 'can0': give that bus to [[radar]] rear_right\n" in done.stdout
 
 
 def test_changes_of_state_are_said_and_counted(drive: Path, tmp_path: Path) -> None:

@@ -15,9 +15,11 @@ from pathlib import Path
 
 import trustme
 from tests.support import messages
+from tests.support.routers import router
 from tests.support.status import status
-from tests.support.waiting import PATIENCE
+from tests.support.waiting import PATIENCE, until
 
+from echogrid.client import vehicles
 from echogrid.config.tables import Publish, Ros, Tls
 from echogrid.zenoh.publisher import Publisher
 
@@ -111,9 +113,41 @@ def test_with_certificates(endpoint: str, tmp_path: Path) -> None:
 def test_nobody_there_is_one_sentence(endpoint: str) -> None:
     done = look(endpoint)
     assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == (f"echogrid: {endpoint}: no vehicle within 5 s, expected a service that listens there\n")
+    done = look(endpoint, "--vehicle", "car")
+    assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr == (
         f"echogrid: vehicle 'car' at {endpoint}: no status within 5 s, expected a service that listens there for this vehicle\n"
     )
+
+
+def test_the_vehicle_at_an_endpoint_needs_no_name(endpoint: str) -> None:
+    with published(endpoint, status(), vehicle="red-1"):
+        done = look(endpoint)
+        other = look(endpoint, "--vehicle", "blue")
+    assert (done.returncode, done.stderr, done.stdout.split("\n")[0]) == (0, "", "red-1 is ok")
+    assert (other.returncode, other.stdout) == (1, "")
+    assert other.stderr.endswith("expected a service that listens there for this vehicle; there are: red-1\n")
+
+
+def test_several_vehicles_are_named(endpoint: str) -> None:
+    """Two services that are connected to one router."""
+    to_router = Publish(listen=(), connect=(endpoint,))
+    with router(endpoint), Publisher(to_router, "red", Ros()) as red, Publisher(to_router, "blue", Ros()) as blue:
+        until(lambda: vehicles(endpoint) == ["blue", "red"])
+        done = look(endpoint)
+        assert (done.returncode, done.stdout) == (1, "")
+        assert done.stderr == f"echogrid: {endpoint}: the vehicles blue, red are there, expected one: say which with --vehicle\n"
+        assert red.vehicle != blue.vehicle
+
+
+def test_what_a_tls_endpoint_needs_is_one_sentence() -> None:
+    done = look("tls/127.0.0.1:7447")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert "expected three PEM files" in done.stderr
+    assert "--tls CA CERTIFICATE KEY" in done.stderr
+    assert "viewers" in done.stderr
+    assert done.stderr.count("\n") == 1
 
 
 def test_watching_follows_until_it_is_interrupted(endpoint: str) -> None:

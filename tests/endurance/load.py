@@ -10,8 +10,9 @@ from typing import Any
 
 import can
 
-from echogrid.commands.demo import on_virtual_buses, senders
+from echogrid.commands.demo import on_a_free_port
 from echogrid.config.loading import load_config
+from echogrid.live.player import on_virtual_buses, senders
 from echogrid.live.service import Service
 from echogrid.pipeline import Pipeline
 from tests.endurance.loop import EndlessDrive
@@ -44,7 +45,7 @@ def loads(config_ids: list[int]) -> tuple[Load, ...]:
 def measure(drive: Path, load: Load, seconds: float) -> dict[str, Any]:
     """The service under one load for so many seconds of wall time."""
     source = drive / "echogrid.toml"
-    config = on_virtual_buses(load_config(source))
+    config = on_a_free_port(on_virtual_buses(load_config(source)))
     service = Service(Pipeline(config, source))
     endless = EndlessDrive(drive / "can.log.gz", config, source)
     result: dict[str, Any] = {"load": load.name}

@@ -10,8 +10,9 @@ from typing import Any
 
 import msgspec
 
-from echogrid.commands.demo import AHEAD_FRAMES, on_virtual_buses, senders
+from echogrid.commands.demo import on_a_free_port
 from echogrid.config.loading import load_config
+from echogrid.live.player import AHEAD_FRAMES, on_virtual_buses, senders
 from echogrid.live.service import Service
 from echogrid.pipeline import Pipeline
 from tests.endurance.chart import Curve, chart
@@ -25,7 +26,7 @@ COUNTED = ("cycles", "lost_frames", "motion_dropped", "dropped_frames", "dropped
 def soak(drive: Path, out: Path, minutes: float, model: str | None = None) -> dict[str, Any]:
     """Writes soak.json and soak.svg into `out`; returns the summary."""
     source = drive / "echogrid.toml"
-    config = on_virtual_buses(load_config(source, model))
+    config = on_a_free_port(on_virtual_buses(load_config(source, model)))
     out.mkdir(parents=True, exist_ok=True)
     path = out / "soak.egmap"
     for old in out.glob(f"{path.name}*"):

@@ -293,7 +293,7 @@ FAULTS = (
     Fault("yaw rate steps by 1 rad/s", yaw_rate_steps, N, "yaw rate: (jumps|jumped)", True, recover=2.0, pose=0.3),
     Fault("clock set forward by an hour", partial(clock_steps, 3600.0), None, "", True, lasts=0.0),
     Fault("clock set back by an hour", partial(clock_steps, -3600.0), S, "nothing received", True, recover=1.5, lasts=0.0),
-    Fault("clock set forward by 0.3 s", partial(clock_steps, 0.3), None, "", True, lasts=0.0),
+    Fault("clock set forward by 0.3 s", partial(clock_steps, 0.3), N, "silent", True, recover=0.4, lasts=0.0),  # or frames that waited
     Fault("clock set back by 0.3 s", partial(clock_steps, -0.3), None, "", True, recover=0.5, lasts=0.0),
     Fault("one frame an hour old", partial(stray, -3600.0), None, lasts=0.0),
     Fault("one frame an hour ahead", partial(stray, 3600.0), None, lasts=0.0),

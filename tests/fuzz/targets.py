@@ -35,7 +35,7 @@ from echogrid.pipeline import Pipeline
 from echogrid.store.tile_store import TileStore
 from echogrid.topics.diagnostic_array import decode_diagnostics
 from echogrid.topics.grids import decode_grid, decode_update, encode_grid, encode_update
-from echogrid.topics.points import decode_points, encode_points
+from echogrid.topics.points import decode_judged, decode_points, encode_judged, encode_points
 from echogrid.topics.poses import decode_odometry, decode_transforms, encode_odometry, encode_transforms
 from echogrid.zenoh.attachment import decode_attachment, decode_grid_attachment
 from echogrid.zenoh.fleet import decompress
@@ -239,6 +239,9 @@ def wire(data: bytes) -> None:
     with suppress(ValueError):
         points = decode_points(data)
         assert (decode_points(encode_points(points)).points == points.points).all()
+    with suppress(ValueError):
+        judged = decode_judged(data)
+        assert (decode_judged(encode_judged(judged)).verdicts == judged.verdicts).all()
     with suppress(ValueError):
         decompress(data)
     for attachment in (decode_attachment, decode_grid_attachment):

@@ -145,8 +145,11 @@ def test_the_file_says_which_map_it_is_for_and_the_configuration_may_say_otherwi
     assert (looks.map.calibration.learned, looks.map.calibration.offset) == (1.5, -0.3)
     log_odds, weight = looks.infer(around())
     np.testing.assert_allclose(total.infer(around()), log_odds * weight, atol=1e-6)
+    assert total.why == f"{looks.why}; summed as it answers: its calibration is for the rule 'looks'"
     write(tmp_path / "net.onnx", *networks.paper())
-    assert isinstance(configured(tmp_path, 'model = "net.onnx"').map, OccupancyMap)
+    plain = configured(tmp_path, 'model = "net.onnx"')
+    assert isinstance(plain.map, OccupancyMap)
+    assert "calibration" not in plain.why  # it has none to be left out
     assert isinstance(configured(tmp_path, 'model = "net.onnx"\nmap.fusion = "looks"').map, LookMap)
 
 

@@ -19,13 +19,13 @@ from tests.support.foxglove_client import viewer
 from tests.support.program import echogrid
 from tests.support.waiting import PATIENCE, until
 
-from echogrid.cli import _address
-from echogrid.commands.demo import AHEAD_FRAMES, on_virtual_buses
+from echogrid.arguments import address as read_address
 from echogrid.commands.recorder import Recorder
 from echogrid.commands.replay import replay
 from echogrid.config.loading import load_config
 from echogrid.core.mapper import MapUpdate
 from echogrid.errors import EchogridError
+from echogrid.live.player import AHEAD_FRAMES, on_virtual_buses
 from echogrid.live.service import Service
 from echogrid.logs.drive import find_drive
 from echogrid.logs.log import Log
@@ -34,7 +34,16 @@ from echogrid.recording.mcap_writer import McapWriter
 from echogrid.topics.cdr import encode_string
 from echogrid.topics.topic import FULL, NAMESPACE, Message
 
-ROS = {"/echogrid/map", "/echogrid/map_trinary", "/echogrid/map_updates", "/echogrid/odom", "/tf", "/echogrid/detections", "/diagnostics"}
+ROS = {
+    "/echogrid/map",
+    "/echogrid/map_trinary",
+    "/echogrid/map_updates",
+    "/echogrid/odom",
+    "/tf",
+    "/echogrid/detections",
+    "/echogrid/detections_judged",
+    "/diagnostics",
+}
 ALL: dict[str, Any] = {
     "dst_version": 8,
     "compress": None,
@@ -152,7 +161,7 @@ def test_a_torn_recording_is_mapped_up_to_where_it_tears(drive: Path, tmp_path: 
 def test_a_log_of_another_car_leaves_no_recording_behind(drive: Path, tmp_path: Path) -> None:
     (tmp_path / "other.log").write_text("(1.0) can0 123#00\n(2.0) can0 456#00\n")
     done = echogrid("replay", tmp_path / "other.log", "-c", drive / "echogrid.toml", "--record", tmp_path / "a.mcap")
-    assert done.returncode == 1
+    assert done.returncode == 3
     assert "none of its 2 frames is one that" in done.stderr
     assert not (tmp_path / "a.mcap").exists()
 
@@ -228,10 +237,10 @@ def test_a_running_service_records_what_it_maps_and_publishes_and_shows_it(drive
     ("text", "address"), [("8765", ("127.0.0.1", 8765)), ("0.0.0.0:1", ("0.0.0.0", 1)), ("[::1]:80", ("::1", 80)), ("car:1", ("car", 1))]
 )
 def test_a_view_is_for_this_machine_alone_unless_a_host_is_written_out(text: str, address: tuple[str, int]) -> None:
-    assert _address(text) == address
+    assert read_address(text) == address
 
 
 @pytest.mark.parametrize("text", ["", "x", ":1", "1:", "65536", "-1", "host"])
 def test_what_is_no_address_is_refused(text: str) -> None:
     with pytest.raises(ArgumentTypeError, match="is not an address, expected PORT or HOST:PORT"):
-        _address(text)
+        read_address(text)

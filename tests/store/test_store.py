@@ -17,11 +17,11 @@ from tests.support import world
 from tests.support.waiting import PATIENCE, until
 
 from echogrid.client import Client
-from echogrid.commands.demo import AHEAD_FRAMES, on_virtual_buses, senders
 from echogrid.commands.replay import replay
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Store
 from echogrid.errors import EchogridError
+from echogrid.live.player import AHEAD_FRAMES, on_virtual_buses, senders
 from echogrid.live.service import Service, store_path
 from echogrid.logs.drive import Drive, find_drive
 from echogrid.logs.log import Log

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sqlite3
 import struct
 from pathlib import Path
@@ -85,6 +86,27 @@ def test_the_reader_in_the_documentation_reads_the_same(tmp_path: Path, monkeypa
         found["db"].close()
     assert same(Tile(found["layers"], found["seen_s"], found["seen_by"]), tile)
     assert (found["y"], found["x"]) == (96.0, -128.0)
+
+
+def test_tables_numbers_and_sizes_in_the_documentation_are_those_of_a_file(tmp_path: Path) -> None:
+    text = (DOCS / "store.md").read_text()
+    with TileStore(tmp_path / "map.egmap", write=True) as store:
+        store.begin(LOOKS)
+    connection = sqlite3.connect(tmp_path / "map.egmap")
+    try:
+        columns = {table: connection.execute(f"PRAGMA table_info({table})").fetchall() for table in ("epoch", "tile")}
+        for table, found in columns.items():
+            (inside,) = re.findall(rf"CREATE TABLE {table}\((.*)\)", text)
+            told = [part.split()[:2] for part in inside.split(", PRIMARY KEY(")[0].split(", ")]
+            assert told == [[name, kind] for _, name, kind, *_ in found]
+        assert f"`application_id` 0x{connection.execute('PRAGMA application_id').fetchone()[0]:X}" in text
+        assert f"`user_version` {connection.execute('PRAGMA user_version').fetchone()[0]}" in text
+    finally:
+        connection.close()
+    for kind, name in ((LookMap, "`looks`"), (OccupancyMap, "`sum`")):
+        tile = Tile.empty(kind.layers)
+        size = sum(array.nbytes for array in (tile.layers, tile.seen_s, tile.radars)) / 1024
+        assert re.search(rf"{name} (takes )?{size:g} KiB", text)
 
 
 @pytest.mark.parametrize("kind", [LookMap, OccupancyMap])

@@ -18,21 +18,24 @@ from echogrid.config.loading import load_config
 from echogrid.config.tables import Publish
 from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.map.occupancy import OccupancyMap
-from echogrid.core.mapper import MapUpdate
+from echogrid.core.mapper import Judged, MapUpdate
+from echogrid.core.motion.error_filter import Certainty
 from echogrid.core.motion.odometry import EgoState
 from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
 from echogrid.live.service import Service
+from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
 from echogrid.topics.announcer import Announcer, Snapshots, occupancy_percent, trinary
 from echogrid.topics.diagnostic_array import decode_diagnostics
 from echogrid.topics.diagnostics import diagnostics
 from echogrid.topics.grids import decode_grid
-from echogrid.topics.points import decode_points
+from echogrid.topics.points import decode_judged, decode_points
 from echogrid.topics.poses import decode_odometry, decode_transforms
-from echogrid.topics.topic import DETECTIONS, DIAGNOSTICS, KEY, ODOMETRY, STATUS, TOPICS, TRANSFORM, TRINARY, Message
+from echogrid.topics.topic import DETECTIONS, DIAGNOSTICS, JUDGED, KEY, ODOMETRY, STATUS, TOPICS, TRANSFORM, TRINARY, Message
 
 MS = 1_000_000
+CERTAINTY = Certainty(np.array([[4.0, 1.0, 0.1], [1.0, 9.0, 0.2], [0.1, 0.2, 0.25]]), np.array([[0.5, 0.1], [0.1, 0.75]]))
 EMPTY = SimpleNamespace(map=OccupancyMap(GridSpec(16, 0.25)), epoch=3)  # all that is asked of a Mapper
 
 
@@ -43,7 +46,7 @@ def pipeline(tmp_path: Path) -> Pipeline:
 
 
 def updated(stamp_ns: int, pose: SE2, points: np.ndarray) -> MapUpdate:
-    return MapUpdate(EgoState(stamp_ns, pose, -1.5, 0.25), points)
+    return MapUpdate(EgoState(stamp_ns, pose, -1.5, 0.25), points, CERTAINTY)
 
 
 @given(st.lists(st.integers(-20, 20), min_size=40, max_size=40), st.sampled_from((5.0, 10.0, 20.0)))
@@ -66,9 +69,42 @@ def test_what_is_said_of_the_car_is_the_updates(pipeline: Pipeline) -> None:
     assert (odometry.frame, odometry.child_frame, odometry.speed, odometry.yaw_rate) == ("odom", "base", -1.5, 0.25)
     assert (transform.frame, transform.child_frame, transform.pose) == ("odom", "base", odometry.pose)
     assert (odometry.pose.x, odometry.pose.y, odometry.pose.yaw) == pytest.approx((1.0, 2.0, 0.5))
+    place, motion = odometry.pose_covariance, odometry.twist_covariance
+    on_plane = np.ix_((0, 1, 5), (0, 1, 5))
+    assert (place[on_plane] == CERTAINTY.pose).all()
+    assert (motion[np.ix_((0, 5), (0, 5))] == CERTAINTY.motion).all()
+    assert not place[2:5].any()
+    assert not motion[1:5].any()
     detections = decode_points(told[DETECTIONS].payload)
     assert detections.frame == "base"
     np.testing.assert_allclose(detections.points, [[1.5, -2.0, 0], [30.0, 0.25, 0]])
+
+
+def test_what_was_judged_holds_what_went_into_the_map_and_a_passing_car_is_moving(tmp_path: Path) -> None:
+    """Every detection is in it once, with its radar; its static ones are those that are published as such, and those of a car that
+    comes towards us are not among them."""
+    other = world.moving(world.rectangle(30.0, 4.0), (-8.0, 0.0))
+    drive = world.write_drive(
+        tmp_path, world.record(world.straight(6.0), [world.standing(world.rectangle(5, -5) + world.rectangle(5, 8)), other], 2.5)
+    )
+    pipeline = Pipeline(load_config(drive / "echogrid.toml"), drive / "echogrid.toml")
+    announcer, verdicts, radars, detections = Announcer(pipeline.config, ""), [], set(), 0
+    for frame in Log(drive / "can.log"):
+        update = pipeline.add("can0", frame)
+        if update is None:
+            continue
+        snapshot = Snapshots().take(pipeline.mapper, update, pipeline.config.publish)
+        told = {message.topic: message for message in announcer.map(snapshot)}
+        judged, static = decode_judged(told[JUDGED].payload), decode_points(told[DETECTIONS].payload)
+        np.testing.assert_array_equal(judged.points[judged.verdicts == Judged.STATIC], static.points)
+        moving = judged.points[judged.verdicts == Judged.MOVING]
+        assert ((moving[:, 1] > 2.0) & (moving[:, 1] < 6.0)).all()  # left of us, where the other one drives
+        verdicts += judged.verdicts.tolist()
+        radars |= set(judged.radars.tolist())
+        detections += len(judged.points)
+    assert pipeline.health.detections >= detections > 100
+    assert set(verdicts) >= {Judged.STATIC, Judged.MOVING}
+    assert radars == {0, 1, 2, 3}
 
 
 def test_status_goes_to_programs_and_to_ros(pipeline: Pipeline) -> None:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.support.cdr_messages import NAMES, POINTS_OF_TWO, ROS, STAMPS, STORE, patched, ros_header
 
-from echogrid.topics.points import Points, decode_points, encode_points
+from echogrid.topics.points import JudgedPoints, Points, decode_judged, decode_points, encode_judged, encode_points
 
 POINTS = st.builds(
     Points,
@@ -70,3 +70,51 @@ def test_points_are_what_rosbags_writes_and_come_back(points: Points) -> None:
 def test_points_that_cannot_be_are_refused(at: int, layout: str, values: tuple[float, ...], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         decode_points(patched(encode_points(POINTS_OF_TWO), at, layout, *values))
+
+
+ROWS = st.tuples(*[st.floats(-1e7, 1e7, width=32)] * 3, st.integers(0, 255), st.integers(0, 2))
+JUDGED = st.builds(
+    lambda stamp_ns, frame, rows: JudgedPoints(
+        stamp_ns,
+        frame,
+        np.array([row[:3] for row in rows], np.float32).reshape(-1, 3),
+        np.array([row[3] for row in rows], np.uint8),
+        np.array([row[4] for row in rows], np.uint8),
+    ),
+    STAMPS,
+    NAMES,
+    st.lists(ROWS, max_size=9),
+)
+
+
+@given(JUDGED)
+def test_judged_points_are_what_rosbags_writes_and_come_back(judged: JudgedPoints) -> None:
+    field, count = ROS["sensor_msgs/msg/PointField"], len(judged.points)
+    layout = [("x", 0, 7), ("y", 4, 7), ("z", 8, 7), ("radar", 12, 2), ("verdict", 13, 2)]
+    data = b"".join(
+        row.tobytes() + bytes((radar, verdict, 0, 0))
+        for row, radar, verdict in zip(judged.points, judged.radars, judged.verdicts, strict=True)
+    )
+    message = ROS["sensor_msgs/msg/PointCloud2"](
+        header=ros_header(judged.stamp_ns, judged.frame),
+        height=1,
+        width=count,
+        fields=[field(name, offset, kind, 1) for name, offset, kind in layout],
+        is_bigendian=False,
+        point_step=16,
+        row_step=16 * count,
+        data=np.frombuffer(data, dtype=np.uint8),
+        is_dense=True,
+    )
+    payload = encode_judged(judged)
+    assert payload == bytes(STORE.serialize_cdr(message, "sensor_msgs/msg/PointCloud2"))
+    back = decode_judged(payload)
+    assert (back.stamp_ns, back.frame) == (judged.stamp_ns, judged.frame)
+    for name in ("points", "radars", "verdicts"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(judged, name))
+
+
+def test_judged_points_of_no_verdict_are_refused() -> None:
+    judged = JudgedPoints(1, "base", np.zeros((1, 3), np.float32), np.zeros(1, np.uint8), np.array([3], np.uint8))
+    with pytest.raises(ValueError, match="a verdict of 3, expected at most 2"):
+        decode_judged(encode_judged(judged))

@@ -25,9 +25,9 @@ from echogrid.config.tables import Publish, Ros
 from echogrid.core.motion.odometry import EgoState
 from echogrid.core.motion.se2 import SE2
 from echogrid.topics.grids import GridUpdate, encode_update
-from echogrid.topics.points import Points, encode_points
+from echogrid.topics.points import JudgedPoints, Points, encode_judged, encode_points
 from echogrid.topics.poses import Transform, encode_transforms
-from echogrid.topics.topic import DETECTIONS, KEY, TOPICS, TRANSFORM, TRINARY, UPDATE, Message
+from echogrid.topics.topic import DETECTIONS, JUDGED, KEY, TOPICS, TRANSFORM, TRINARY, UPDATE, Message
 from echogrid.zenoh import ros
 from echogrid.zenoh.attachment import decode_attachment
 from echogrid.zenoh.publisher import Publisher, session_config
@@ -188,11 +188,13 @@ def everything(stamp_ns: int) -> list[Message]:
     pose = SE2(3.0, -4.0, 0.5)
     update = GridUpdate(stamp_ns, "odom", 1, 0, np.array([[7, 8]], np.int8))
     points = Points(stamp_ns, "base", np.array([[1, 2, 0]], np.float32))
+    judged = JudgedPoints(stamp_ns, "base", points.points, np.array([2], np.uint8), np.array([1], np.uint8))
     return [
         messages.odometry(EgoState(stamp_ns, pose, 8.5, -0.125)),
         Message(UPDATE, encode_update(update), stamp_ns, 0, 1),
         Message(TRANSFORM, encode_transforms((Transform(stamp_ns, "odom", "base", pose),)), stamp_ns, 0, 0),
         Message(DETECTIONS, encode_points(points), stamp_ns, 0, 0),
+        Message(JUDGED, encode_judged(judged), stamp_ns, 0, 0),
         messages.grid(stamp_ns, -3, 10, 0.5, LOG_ODDS, topic=TRINARY, keyframe=1),
     ]
 

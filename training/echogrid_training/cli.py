@@ -16,7 +16,7 @@ from echogrid.errors import EchogridError
 from echogrid_training.drives import campaign, demo, inspect_drive, nuscenes, radarscenes
 from echogrid_training.drives.drive import check_free, write_drive
 from echogrid_training.drives.frames import Report
-from echogrid_training.evaluation import real, sim
+from echogrid_training.evaluation import motion, real, sim
 from echogrid_training.learning import fit
 from echogrid_training.paper import reproduce
 from echogrid_training.realism import report
@@ -97,6 +97,9 @@ def _parser() -> argparse.ArgumentParser:
     recorded = worlds.add_parser("real", help="on public recordings, by detections that were left out, or beside a lidar")
     real.add_real_arguments(recorded)
     recorded.set_defaults(command=_evaluate_real)
+    reckoned = worlds.add_parser("motion", help="dead reckoning beside true poses, with and without what is learned")
+    motion.add_motion_arguments(reckoned)
+    reckoned.set_defaults(command=_evaluate_motion)
 
     compare = commands.add_parser("report", help="simulated drives beside recorded ones, as a table in Markdown")
     for name, what in (("nuscenes", "folder of scene-*.npz"), ("radarscenes", "seq_N.npz"), ("astyx", ".npz"), ("kitti", ".npz")):
@@ -172,6 +175,10 @@ def _evaluate_sim(options: argparse.Namespace) -> None:
 
 def _evaluate_real(options: argparse.Namespace) -> None:
     print(real.run_real(options, _tracked()))
+
+
+def _evaluate_motion(options: argparse.Namespace) -> None:
+    print(motion.run_motion(options, _tracked()))
 
 
 def _report(options: argparse.Namespace) -> None:

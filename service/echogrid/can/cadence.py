@@ -12,6 +12,9 @@ LONGEST = 1.0  # s: after a longer silence, or jump, the sender has restarted
 GAIN = 0.05  # share of the lag that is taken for jitter and drift
 STEPS = 1000.0  # whose mean the period is
 REGULAR = 0.2  # of the period: a step that differs by more does not count for it
+LATELY, FEWEST = 2.0, 20  # s and steps after which their median and mean may say that the period is another
+STEADY, FOLLOWS = 0.6, 0.3  # share of them that are alike; of their mean, where fewer are
+WAITED = 1.0  # s in which frames that waited catch up: what looked left out was a stall of who stamps them
 
 
 class Cadence:
@@ -25,10 +28,15 @@ class Cadence:
         self.size = 1 << bits  # numbers that the counter has
         self.lag = 0.0
         self.missing = 0
+        self._elapsed = 0.0  # s, the last step
         self._first: list[float] = []  # s, the first steps
         self._period = 0.0  # s; 0 before it is known
         self._steps = 1.0
         self._last: tuple[int, int] | None = None  # number, ns
+        self._lately: list[float] = []  # s, the last steps
+        self._steady = True  # whether most of them are alike
+        self._left_out = 0  # periods of late without a frame that the counter does not tell
+        self._left_out_ns = 0
 
     def add(self, number: int, received_ns: int) -> None:
         last, self._last = self._last, (number, received_ns)
@@ -36,7 +44,7 @@ class Cadence:
             return
         counted = (number - last[0]) % self.size
         self.missing = max(counted - 1, 0)
-        elapsed = (received_ns - last[1]) * NS
+        self._elapsed = elapsed = (received_ns - last[1]) * NS
         if counted == 0 or not 0.0 <= elapsed < LONGEST:
             self.lag = 0.0
             return
@@ -44,18 +52,48 @@ class Cadence:
             self._first += [elapsed / counted] if elapsed > 0 else []
             self._period = median(self._first) if len(self._first) == FIRST else 0.0
             return
+        self._lately.append(elapsed / counted)
         rounds, off = divmod(round(elapsed / self._period) - counted + 1, self.size)
-        if off <= 2:  # the counter went round while frames were lost, or back where two came in the wrong order
-            counted += rounds * self.size
-        skipped = round(elapsed / self._period) - counted
-        if 0 < skipped <= UNCOUNTED:
-            counted += skipped
+        assumed = rounds * self.size if off <= 2 else 0  # the counter went round while frames were lost, or back: two in the wrong order
+        skipped = round(elapsed / self._period) - counted - assumed
+        assumed += skipped if 0 < skipped <= UNCOUNTED else 0
+        counted += assumed
+        if assumed > 0:
+            self._left_out, self._left_out_ns = self._left_out + assumed, received_ns
+        if (received_ns - self._left_out_ns) * NS > WAITED:
+            self._left_out = 0
         if counted <= 0:
             self.missing = 0
         lag = self.lag + elapsed - counted * self._period
+        early = min(round(-lag / self._period), self._left_out)
+        if early > 0:  # no frame comes before it is sent
+            self._left_out -= early
+            lag += early * self._period
         if abs(lag) < JUMP:
             lag -= lag * GAIN
-            if counted > 0 and (abs(elapsed / counted - self._period) < REGULAR * self._period or self._steps < 3):
+            if counted > 0 and self._steady and (abs(elapsed / counted - self._period) < REGULAR * self._period or self._steps < 3):
                 self._steps = min(self._steps + 1.0, STEPS)
                 self._period += (elapsed / counted - self._period) / self._steps
         self.lag = lag if abs(lag) < LONGEST else 0.0
+        self._correct_period()
+
+    @property
+    def missed(self) -> int:
+        """As `missing`, but no more than the time before the last one had room for."""
+        return min(self.missing, max(round(self._elapsed / self._period) - 1, 0)) if self._period else self.missing
+
+    def _correct_period(self) -> None:
+        """The first steps may have been a stall: median and mean of the last ones must not both say otherwise.
+
+        Where most steps are irregular, those that are like the period would draw it to where they are most: then it follows the mean.
+        """
+        if len(self._lately) < FEWEST or sum(self._lately) < LATELY:
+            return
+        mean, middle = sum(self._lately) / len(self._lately), median(self._lately)
+        regular = sum(abs(step - middle) < REGULAR * middle for step in self._lately) / len(self._lately)
+        self._steady = regular > STEADY
+        if min(mean, middle) > (1 + REGULAR) * self._period or max(mean, middle) < (1 - REGULAR) * self._period:
+            self._period, self._steps, self.lag = mean, 1.0, 0.0
+        elif not self._steady:
+            self._period += (mean - self._period) * FOLLOWS
+        self._lately.clear()

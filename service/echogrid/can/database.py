@@ -26,6 +26,7 @@ class Signal:
     is_float: bool = False
     selected_by: str | None = None
     ids: Ranges | None = None
+    unit: str = ""  # as the file writes it; no profile relies on it
 
 
 @dataclass(frozen=True, slots=True)

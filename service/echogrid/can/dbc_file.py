@@ -23,7 +23,7 @@ SIGNAL = re.compile(
     r"SG_\s+(?P<name>[^\s:]+)(?:\s+(?P<mark>M|m\d{0,10}M?))?\s*:\s*(?P<start>\d{1,9})\s*\|\s*(?P<length>\d{1,9})\s*@\s*(?P<order>[01])\s*"
     r"(?P<sign>[-+])\s*\((?P<scale>[^(),\n]{1,40}),(?P<offset>[^(),\n]{1,40})\)"
     # Limits, unit and receivers say nothing of the bits: as much of them as there is.
-    r'\s*(?:\[[^\]\n]*\])?[ \t]*(?:"(?:[^"\n]|\n(?![ \t]*[A-Z_]+_\b)){0,200}")?(?:[ \t]*[\w.]+(?:\s*,\s*(?!SG_|BO_)[\w.]+)*)?'
+    r'\s*(?:\[[^\]\n]*\])?[ \t]*(?:"(?P<unit>(?:[^"\n]|\n(?![ \t]*[A-Z_]+_\b)){0,200})")?(?:[ \t]*[\w.]+(?:\s*,\s*(?!SG_|BO_)[\w.]+)*)?'
 )
 FLOAT = re.compile(r"SIG_VALTYPE_\s+(\d{1,10})\s+([^\s:]+)(?:\s*:\s*|\s+)([012])\s*;")
 BRANCHES = re.compile(r"SG_MUL_VAL_\s+(\d{1,10})\s+(\S+)\s+(\S+)\s+(\d{1,10}\s*-\s*\d{1,10}(?:\s*,\s*\d{1,10}\s*-\s*\d{1,10})*)\s*;")
@@ -186,6 +186,7 @@ class _Parser:
                 is_signed=found["sign"] == "-",
                 scale=scale,
                 offset=offset,
+                unit=(found["unit"] or "").strip(),
             )
             self.open.signals.append((signal, found["mark"] or ""))
         self._after(found)

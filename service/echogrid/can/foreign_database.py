@@ -56,6 +56,7 @@ def message_of(message: cantools.Message) -> Message:
                 is_float=signal.is_float,
                 selected_by=signal.multiplexer_signal,
                 ids=None if signal.multiplexer_ids is None else ranges(signal.multiplexer_ids),
+                unit=(signal.unit or "").strip(),
             )
         )
     return Message(message.name, message.frame_id, message.is_extended_frame, message.length, tuple(signals), fault, unread)

@@ -19,6 +19,7 @@ from echogrid.core.messages import EgoMotion, Speed, YawRate
 from echogrid.errors import EchogridError
 
 FrameId = tuple[int, bool]
+CATCH_UP_NS = 250_000_000  # after a jump of time, for frames that waited
 
 
 class MotionReader:
@@ -76,8 +77,9 @@ class MotionReader:
                 reverse = raw in self.profile.direction.reverse
         if frame_id == self.wheel_id:
             rear = self.wheels.read([payload])
-            speed = (float(rear["rear_left"][0]) + float(rear["rear_right"][0])) / 2 * self.metres_per_unit
-            motion.append(Speed(received_ns - self.wheel_latency_ns, -speed if reverse else speed))
+            left, right = float(rear["rear_left"][0]), float(rear["rear_right"][0])
+            scale = -self.metres_per_unit if reverse else self.metres_per_unit
+            motion.append(Speed(received_ns - self.wheel_latency_ns, (left + right) / 2 * scale, difference=(right - left) * scale))
         if frame_id == self.yaw_id:
             yaw_rate = float(self.yaw_rate.read([payload])["yaw_rate"][0]) - self.yaw_rate_bias
             motion.append(YawRate(received_ns - self.yaw_latency_ns, yaw_rate))
@@ -87,17 +89,20 @@ class MotionReader:
         continues = check.accept(payload, received_ns)
         self.health.lost_frames += check.missing
         self.reverse = reverse
+        if continues is None:
+            return []
         return motion if continues else [replace(sample, continues=False) for sample in motion]
 
 
 class _FrameCheck:
-    """Length, checksum and counter of one message; remembers the counter."""
+    """Length, checksum and counter of one message; remembers the counter, and a jump of time that may be a stall of the frames' stamps."""
 
     def __init__(self, dbc: Dbc, message: Message, counter: str | None, crc: FrameCrc | None, key: str) -> None:
         self.length = message.length
         self.counter = dbc.integer(message, counter, f"{key}.counter") if counter else None
         self.crc: Checksum | None = dbc.checksum(message, crc.signal, crc.algorithm, f"{key}.crc", crc.data_ids) if crc else None
         self.last: int | None = None
+        self._jumped: tuple[int, float] | None = None  # when, and the lag before
         self.cadence = Cadence(self.counter.length) if self.counter is not None else None
 
     @property
@@ -116,14 +121,26 @@ class _FrameCheck:
             raise ValueError("repeated counter")
         return payload
 
-    def accept(self, payload: bytes, received_ns: int) -> bool:
-        """Takes the counter over; False where time has jumped since the last frame."""
+    def accept(self, payload: bytes, received_ns: int) -> bool | None:
+        """Takes the counter over; False where time has jumped since an earlier frame, None while that is not known.
+
+        An adapter that stamps frames in a process stamps those that waited for it late, all at once: then nothing has jumped.
+        """
         if self.counter is None or self.cadence is None:
             return True
         self.last = self.counter.raw(payload)
         before = self.cadence.lag
         self.cadence.add(self.last, received_ns)
-        return abs(self.cadence.lag - before) < JUMP
+        if self._jumped is None and abs(self.cadence.lag - before) >= JUMP:
+            self._jumped = received_ns, before
+        if self._jumped is None:
+            return True
+        since_ns, lag = self._jumped
+        caught_up = abs(self.cadence.lag - lag) < JUMP
+        if not caught_up and received_ns - since_ns < CATCH_UP_NS:
+            return None
+        self._jumped = None
+        return caught_up
 
 
 def _id(message: Message) -> FrameId:

@@ -108,8 +108,8 @@ class RadarReader:
         limit = self._count(header.payload) if header is not None and self.layout.counts else None
         range_, azimuth, range_rate, rcs = self._detections(cycle, limit) if frames else _NOTHING
         stamp_ns = sent_ns - round(age * 1e9)
-        lag = 0.0 if self.cadence is None else self.cadence.lag
-        return RadarScan(self.sensor, stamp_ns, received_ns, range_, azimuth, range_rate, rcs, ambiguity, blockage, lag)
+        lag, missed = (0.0, 0) if self.cadence is None else (self.cadence.lag, self.cadence.missed)
+        return RadarScan(self.sensor, stamp_ns, received_ns, range_, azimuth, range_rate, rcs, ambiguity, blockage, lag, missed)
 
     def _age(self, cycle: Cycle) -> float:
         """Seconds from the measurement to the header; 0 where the sensor does not report it."""

@@ -1,303 +1,58 @@
-"""`echogrid check`: a configuration, and what a recording says about it: what is wrong, how sure that is, and the line that mends it."""
+"""`echogrid check`: what a recording, or live buses, say is wrong with a configuration, how sure that is, and what mends it."""
 
 from __future__ import annotations
 
 import json
-import os
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import msgspec
-import numpy as np
-
-from echogrid.can.profile import find
+from echogrid.commands.check_report import as_document, render, said
+from echogrid.commands.judged import check_live, check_log
+from echogrid.commands.mended import write_mended
 from echogrid.commands.terminal import progress
-from echogrid.commands.traffic import Traffic
-from echogrid.config.editing import Path as Keys
-from echogrid.config.editing import edited
 from echogrid.config.loading import load_config
-from echogrid.config.tables import Config
-from echogrid.core.messages import Floats
 from echogrid.errors import EchogridError
-from echogrid.files import read, whole
-from echogrid.judging.finding import Finding
-from echogrid.judging.judge import Judgement
-from echogrid.judging.listening import SPEED, YAW_RATE, Listener
-from echogrid.judging.mending import MOTION, Fix
-from echogrid.judging.recorded import Recorded
-from echogrid.logs.log import Log
+from echogrid.files import whole
 from echogrid.pipeline import Pipeline
 
-MOST_BYTES = 1 << 20  # of a configuration or profile
 
+def command(
+    config_path: Path,
+    log: Path | None,
+    *,
+    seconds: float | None = None,
+    as_json: bool = False,
+    fix_out: Path | None = None,
+    page: Path | None = None,
+) -> bool:
+    """Prints what was found; returns whether nothing is wrong. `seconds`: so long the configured buses are listened to, instead of a log.
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Report:
-    """What a recording says; `fixes` one for each finding, `torn` what the file lost."""
-
-    listener: Listener
-    log: Log
-    traffic: Traffic
-    torn: EchogridError | None
-    recorded: Recorded
-    judgement: Judgement
-    findings: tuple[Finding, ...]
-    fixes: tuple[Fix, ...]
-
-
-def command(config_path: Path, log: Path | None, *, as_json: bool = False, fix_out: Path | None = None, page: Path | None = None) -> bool:
-    """Prints what was found; returns whether nothing is wrong.
-
-    Raises EchogridError where configuration or log cannot be read, and, after all is printed, where the log is torn or its times are none.
+    Raises EchogridError where configuration, log or bus cannot be read, and, after all is printed, where the log is torn or its times
+    are none.
     """
+    if log is not None and seconds is not None:
+        raise EchogridError("either a LOG or --seconds can be checked, not both")
     config = load_config(config_path)
     readers = Pipeline(config, config_path).signals.readers
-    if log is None:
+    if log is None and seconds is None:
         if as_json or fix_out is not None or page is not None:
-            raise EchogridError("--json, --fix-out and --report need a LOG")
+            raise EchogridError("--json, --fix-out and --report need a LOG or --seconds")
         print(f"{config_path}: {len(config.radar)} radars and ego motion on {len(config.bus)} buses, {len(readers)} ids are read")
         return True
-    with progress(f"check {log.name}") as advance:
-        report = check_log(config, config_path, log, advance)
-    print(json.dumps(as_document(report, config_path, log), indent=2) if as_json else render(report, log))
+    name = log.name if log is not None else "the live buses"
+    with progress(f"check {name}") as advance:
+        report = (
+            check_log(config, config_path, log, advance) if log is not None else check_live(config, config_path, seconds or 0.0, advance)
+        )
+    shown = name if log is None else str(log)
+    print(json.dumps(as_document(report, config_path, log), indent=2) if as_json else render(report, shown))
     if page is not None:
         from echogrid.judging.page import page_of
 
         with whole(page) as partial:
-            partial.write_text(page_of(report.recorded, report.judgement, _said(report), f"{log.name} with {config_path.name}"))
+            partial.write_text(page_of(report.recorded, report.judgement, said(report), f"{name} with {config_path.name}"))
     if fix_out is not None:
         write_mended(report, config_path, fix_out)
-    faults = [*([] if report.torn is None else [str(report.torn)]), *report.log.times.faults(), *report.traffic.coarse(report.log.times)]
+    faults = [*([] if report.torn is None else [str(report.torn)]), *report.faults()]
     if faults:
-        raise EchogridError("; ".join(faults if report.torn is not None else [f"{log}: {faults[0]}", *faults[1:]]))
+        raise EchogridError("; ".join(faults if report.torn is not None else [f"{shown}: {faults[0]}", *faults[1:]]))
     return not report.findings
-
-
-def check_log(config: Config, source: Path, path: Path, on_progress: Callable[[float], None] | None = None) -> Report:
-    """Decodes a recording without mapping it, and judges it. Raises EchogridError where nothing of it can be read."""
-    listener = Listener(config, source)
-    log, traffic = Log(path), Traffic(config, listener.reader)
-    torn: EchogridError | None = None
-    try:
-        for message in log:
-            traffic.add(listener.add(message), message)
-            if on_progress is not None and log.messages % 1024 == 0:
-                on_progress(log.progress)
-    except EchogridError as error:
-        if not log.messages:
-            raise
-        torn = error
-    judgement, findings, mender = listener.judged()
-    fixes = tuple(mender.fix(one) for one in findings)
-    return Report(listener, log, traffic, torn, listener.recorded(), judgement, tuple(findings), fixes)
-
-
-def write_mended(report: Report, source: Path, out: Path) -> None:
-    """The configuration with all fixes, and the profiles that need some beside it; what is left as it was keeps its comments."""
-    config = report.listener.config
-    changes: dict[Keys, Any] = _moved(config, source.parent, out.parent)
-    profiles: dict[str, dict[Keys, Any]] = {}
-    for fix in report.fixes:
-        changes |= fix.config
-        for owner, own in fix.profiles.items():
-            profiles.setdefault(owner, {}).update(own)
-    written: dict[tuple[str, str], str] = {}
-    for owner, own in profiles.items():
-        index = None if owner == MOTION else [radar.name for radar in config.radar].index(owner)
-        configured = config.motion if index is None else config.radar[index]
-        table: Keys = ("motion",) if index is None else ("radar", index)
-        profile = find(configured.profile, source.parent)
-        kind = profile.stem, repr(own)
-        if kind not in written:
-            same = sum(stem == profile.stem for stem, _ in written)
-            written[kind] = f"{out.stem}_{profile.stem}{same + 1 if same else ''}.toml"
-            text = edited(read(profile, MOST_BYTES).decode(), own)
-            (out.parent / written[kind]).write_text(text)
-        changes[*table, "profile"] = written[kind]
-        named = (report.listener.mender.motion if index is None else report.listener.mender.radars[owner]).dbc
-        if configured.dbc is None and named is not None:
-            changes[*table, "dbc"] = _from(out.parent, profile.parent / named)
-    with whole(out) as partial:
-        partial.write_text(edited(read(source, MOST_BYTES).decode(), changes))
-
-
-def _moved(config: Config, before: Path, after: Path) -> dict[Keys, Any]:
-    """The relative paths of a configuration that is written into another folder."""
-    if before.resolve() == after.resolve():
-        return {}
-    named: dict[Keys, str | None] = {("motion", "dbc"): config.motion.dbc, ("motion", "profile"): config.motion.profile}
-    for n, radar in enumerate(config.radar):
-        named |= {("radar", n, "dbc"): radar.dbc, ("radar", n, "profile"): radar.profile}
-    named[("model",)] = config.model
-    return {
-        path: _from(after, before / name) for path, name in named.items() if name is not None and name.endswith((".toml", ".dbc", ".onnx"))
-    }
-
-
-def _from(folder: Path, path: Path) -> str:
-    """Relative where both lie in one tree, else absolute."""
-    relative = os.path.relpath(path.resolve(), folder.resolve())
-    return str(path.resolve()) if relative.startswith("..") else relative
-
-
-def _said(report: Report) -> list[tuple[Finding, list[str]]]:
-    return [(finding, fix.lines(report.listener.config)) for finding, fix in zip(report.findings, report.fixes, strict=True)]
-
-
-def as_document(report: Report, config: Path, log: Path) -> dict[str, Any]:
-    """The report as JSON takes it; docs/checking.md describes every key."""
-    listener, health = report.listener, report.listener.health
-    estimates = _estimates(report)
-    radars = {}
-    for radar in report.recorded.radars:
-        counts = health.sensors[radar.name]
-        radars[radar.name] = {
-            **_timing(radar.time),
-            **{key: getattr(counts, key) for key in ("incomplete", "repeated", "wrong_cycle", "bad_crc", "invalid", "truncated")},
-            "detections_median": float(np.median(radar.counts)) if len(radar) else 0.0,
-            "range_m": _span(radar.range),
-            "azimuth_deg": _span(np.degrees(radar.azimuth)),
-            "range_rate_m_s": _span(radar.range_rate),
-            "estimates": estimates.get(radar.name),
-        }
-    return {
-        "config": str(config),
-        "log": str(log),
-        "seconds": round(report.log.times.seconds, 3),
-        **{key: getattr(health, key) for key in ("frames", "unknown_frames", "bad_frames", "lost_frames")},
-        "other_ids": [{"channel": channel, "id": number, "frames": count} for (channel, (number, _)), count in _others(listener, 20)],
-        "motion": {
-            SPEED: {**_timing(report.recorded.speed.time), "m_s": _span(report.recorded.speed.value)},
-            YAW_RATE: {**_timing(report.recorded.yaw_rate.time), "rad_s": _span(report.recorded.yaw_rate.value)},
-            "estimates": estimates.get(MOTION),
-        },
-        "radars": radars,
-        "findings": [{**msgspec.structs.asdict(_Told.of(finding, lines))} for finding, lines in _said(report)],
-        "undecided": [{"code": one.code, "sentence": one.sentence} for one in report.judgement.undecided],
-    }
-
-
-class _Told(msgspec.Struct):
-    """A finding as JSON has it."""
-
-    code: str
-    radars: list[str]
-    subject: str
-    sentence: str
-    value: float
-    unit: str
-    confidence: float
-    rests_on: str
-    fix: list[str]
-
-    @classmethod
-    def of(cls, finding: Finding, lines: list[str]) -> _Told:
-        value, confidence = round(finding.value, 6), round(finding.confidence, 3)
-        who = list(finding.radars), finding.subject
-        return cls(finding.code, *who, finding.sentence, value, finding.unit, confidence, finding.rests_on, lines)
-
-
-def _timing(time: Floats) -> dict[str, float]:
-    """Samples, their rate by the median step, the longest gap, and the spread of the steps."""
-    steps = np.diff(time)
-    if not len(steps):
-        return {"samples": len(time), "rate_hz": 0.0, "gap_s": 0.0, "jitter_ms": 0.0}
-    middle = float(np.median(steps))
-    spread = 1.4826e3 * float(np.median(np.abs(steps - middle)))
-    return {
-        "samples": len(time),
-        "rate_hz": round(1 / max(middle, 1e-9), 3),
-        "gap_s": round(float(steps.max()), 4),
-        "jitter_ms": round(spread, 3),
-    }
-
-
-def _span(values: Floats) -> list[float] | None:
-    return [round(float(values.min()), 4), round(float(values.max()), 4)] if len(values) else None
-
-
-def _estimates(report: Report) -> Mapping[str, dict[str, float]]:
-    """What Doppler measured, by radar and for MOTION, with one sigma each."""
-    errors, weighed = report.judgement.errors, report.judgement.weighed
-    if errors is None or weighed is None:
-        return {}
-    told: dict[str, dict[str, float]] = {
-        MOTION: {
-            "scale": round(1 + errors.scale.value, 5),
-            "scale_sigma": round(errors.scale.sigma, 5),
-            "bias_deg_s": round(float(np.degrees(errors.bias.value)), 4),
-            "bias_sigma_deg_s": round(float(np.degrees(errors.bias.sigma)), 4),
-        }
-    }
-    names = [radar.name for radar in report.judgement.judged]
-    for name, one in zip(names, errors.radars, strict=True):
-        told[name] = {
-            "yaw_off_deg": round(float(np.degrees(one.yaw.value)), 3),
-            "yaw_sigma_deg": round(float(np.degrees(one.yaw.sigma)), 3),
-            "offset_ms": round(one.offset.value * 1e3, 2),
-            "offset_sigma_ms": round(one.offset.sigma * 1e3, 2),
-            "range_rate_bias_m_s": round(one.rate_bias.value, 4),
-            "spread_m_s": round(one.spread, 4),
-        }
-    return told
-
-
-def _others(listener: Listener, most: int) -> list[tuple[tuple[str, tuple[int, bool]], int]]:
-    """Ids that nothing reads, most frequent first."""
-    on_bus = {channel: bus for bus, names in listener.channels.items() for channel in names}
-    read_ids = listener.reader.readers
-    unread = [(key, count) for key, count in listener.heard.most_common() if (on_bus.get(key[0], ""), key[1]) not in read_ids]
-    return unread[:most]
-
-
-def render(report: Report, log: Path) -> str:
-    """The report as lines of text."""
-    health, recorded = report.listener.health, report.recorded
-    lines = [f"{health.frames} frames in {report.log.times.seconds:.1f} s, {health.unknown_frames} of other ids, "]
-    lines[0] += f"{health.bad_frames} bad, {health.lost_frames} missing by their counters"
-    if beside := report.log.account.summary():
-        lines.append(f"not data frames: {beside}")
-    lines += report.log.account.notes + report.log.times.notes()
-    row = "{:<14}{:>9}{:>9}{:>10}{:>10}{:>12}{:>10}{:>9}{:>12}   {}".format
-    lines.append(row("", "rate", "complete", "gap", "jitter", "incomplete", "repeated", "bad crc", "detections", "values"))
-
-    def timed(name: str, time: Floats, *rest: object) -> str:
-        told = _timing(time)
-        gap, jitter = f"{told['gap_s'] * 1e3:.0f} ms", f"{told['jitter_ms']:.1f} ms"
-        return row(name, f"{told['rate_hz']:.1f} Hz", int(told["samples"]), gap, jitter, *rest)
-
-    for name, track, unit in ((SPEED, recorded.speed, "m/s"), (YAW_RATE, recorded.yaw_rate, "rad/s")):
-        span = _span(track.value)
-        lines.append(timed(name, track.time, "", "", "", "", "" if span is None else f"{span[0]:.2f} … {span[1]:.2f} {unit}"))
-    for radar in recorded.radars:
-        counts = health.sensors[radar.name]
-        median = f"{np.median(radar.counts):.0f}" if len(radar) else "-"
-        span = _span(radar.range_rate)
-        values = "" if span is None else f"{span[0]:.1f} … {span[1]:.1f} m/s"
-        lines.append(timed(radar.name, radar.time, counts.incomplete, counts.repeated, counts.bad_crc, median, values))
-    others = _others(report.listener, 6)
-    if others:
-        most = ", ".join(f"{channel} 0x{number:X} ({count})" for (channel, (number, _)), count in others)
-        lines.append(f"other ids, most frequent first: {most}")
-    for name, told in _estimates(report).items():
-        if name == MOTION:
-            lines.append(
-                f"by Doppler, speed x {told['scale']:.4f} ± {told['scale_sigma']:.4f}, "
-                f"yaw-rate bias {told['bias_deg_s']:+.2f} ± {told['bias_sigma_deg_s']:.2f} °/s"
-            )
-        else:
-            lines.append(
-                f"by Doppler, {name}: yaw {told['yaw_off_deg']:+.2f} ± {told['yaw_sigma_deg']:.2f}°, "
-                f"offset {told['offset_ms']:+.0f} ± {told['offset_sigma_ms']:.0f} ms"
-            )
-    if any(finding.code in ("motion_missing", "radar_missing") for finding in report.findings):
-        lines += report.traffic.strangers()
-    lines.append("")
-    for finding, fixes in _said(report):
-        lines.append(f"[{finding.code}] {finding.sentence} ({finding.confidence:.0%} sure; {finding.rests_on})")
-        lines += [f"    mend: {line}" for line in fixes]
-    lines += [f"not judged [{one.code}]: {one.sentence}" for one in report.judgement.undecided]
-    lines.append(f"{log}: " + (f"{len(report.findings)} mistakes found" if report.findings else "nothing wrong was found"))
-    return "\n".join(lines)

@@ -15,27 +15,26 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import can
 import msgspec
 import numpy as np
 
 from echogrid.can.signals import bus_of
 from echogrid.client import Client, Window
 from echogrid.commands.recorder import Recorder, report
-from echogrid.commands.terminal import progress
+from echogrid.commands.terminal import progress, show_map
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
 from echogrid.core.evidence.raster import rasterize
 from echogrid.core.map.occupancy import OccupancyMap
 from echogrid.core.map.tiled_map import LogOdds
 from echogrid.errors import EchogridError
+from echogrid.live.player import Player, on_virtual_buses
 from echogrid.live.service import Service
 from echogrid.logs.drive import Drive, TrueMap, find_drive, load_truth
 from echogrid.logs.log import Log
-from echogrid.maps.picture import Panel, draw, side_by_side, text
+from echogrid.maps.picture import Panel, draw, side_by_side
 from echogrid.pipeline import Pipeline
 
-AHEAD_FRAMES = 512  # the player waits when the service is so far behind: nothing is lost, however slow the machine
 PATIENCE = 20.0  # s
 
 
@@ -43,18 +42,18 @@ def command(out: Path, model: str | None) -> None:
     """A progress bar, then the map where a terminal shows it, and the summary in words. The rest is as in `demo`."""
     with progress("the demo drive, through the service") as advance:
         summary = demo(out, model, advance)
-    if sys.stdout.isatty():
-        with np.load(out / "map.npz") as file:
-            print(text(file["log_odds"], columns=100))
+    show_map(out)
     report(summary, out)
     print(f"what the subscriber in the other process received: {out / 'received.png'}")
     print(f"detections, analytic map, this map and truth side by side: {out / 'side_by_side.png'}")
+    program = "echogrid" if sys.argv[0].endswith("__main__.py") else sys.argv[0]
+    print(f"the same drive, moving, in the browser: {program} view --demo")
 
 
 def demo(out: Path, model: str | None = None, on_progress: Callable[[float], None] | None = None) -> dict[str, Any]:
     """Plays the shipped drive as fast as the service maps it; files and summary as in `replay`, and the subscriber's received.png."""
     drive = find_drive(Path(str(files("echogrid") / "demo_drive")), None)
-    config = on_virtual_buses(load_config(drive.config, model))
+    config = on_a_free_port(on_virtual_buses(load_config(drive.config, model)))
     pipeline = Pipeline(config, drive.config)
     recorder = Recorder(pipeline)
     service = Service(pipeline, recorder.add)
@@ -93,11 +92,9 @@ def compare(recorder: Recorder, drive: Drive, truth: TrueMap, out: Path) -> None
     side_by_side(panels, spec.cell, driven).save(out / "side_by_side.png")
 
 
-def on_virtual_buses(config: Config) -> Config:
-    """The same configuration on python-can's in-process buses and a free port of the loopback."""
-    buses = tuple(msgspec.structs.replace(bus, interface="virtual") for bus in config.bus)
-    publish = msgspec.structs.replace(config.publish, listen=(f"tcp/127.0.0.1:{_free_port()}",))
-    return msgspec.structs.replace(config, bus=buses, publish=publish)
+def on_a_free_port(config: Config) -> Config:
+    """The same configuration, published on a free port of the loopback."""
+    return msgspec.structs.replace(config, publish=msgspec.structs.replace(config.publish, listen=(f"tcp/127.0.0.1:{_free_port()}",)))
 
 
 def _free_port() -> int:
@@ -117,54 +114,15 @@ def _play_and_watch(service: Service, log: Path, out: Path, on_progress: Callabl
             try:
                 if watcher.stdout is None or watcher.stdout.readline().strip() != "connected":
                     raise EchogridError("the demo's subscriber could not connect to the service")
-                _play(service, log, on_progress)
+                player = Player(service, Log(log), on_progress=on_progress)
+                player.run(service.workers.stop)
+                if player.torn is not None:
+                    raise player.torn
             finally:
                 service.workers.stop.set()
                 watcher.wait(PATIENCE)
     except Exception as error:  # in a thread of its own: hand it to the one who waits for the service
         service.workers.fail(error)
-
-
-def senders(config: Config) -> dict[str, can.BusABC]:
-    """Of `on_virtual_buses`, by the buses' names: the other end, which sends messages with their own time stamps."""
-    fd = can.CanProtocol.CAN_FD  # it takes classic frames too
-    return {
-        bus.name: can.Bus(interface="virtual", channel=bus.channel, preserve_timestamps=True, protocol=fd, ignore_config=True)
-        for bus in config.bus
-    }
-
-
-def _play(service: Service, log: Path, on_progress: Callable[[float], None] | None) -> None:
-    config = service.config
-    buses = senders(config)
-    messages, sent = Log(log), 0
-    try:
-        for message in messages:
-            bus = bus_of(message, config.bus)
-            if (bus, (message.arbitration_id, message.is_extended_id)) not in service.pipeline.signals.readers:
-                continue  # the service's filter would not let it through: it could not be waited for
-            buses[str(bus)].send(message)
-            sent += 1
-            _wait_for(service, sent - AHEAD_FRAMES)
-            if on_progress is not None and sent % 256 == 0:
-                on_progress(messages.progress)
-        _wait_for(service, sent)
-        time.sleep(0.3)  # for the last window to reach the subscriber
-    finally:
-        for opened in buses.values():
-            opened.shutdown()
-
-
-def _wait_for(service: Service, frames: int) -> None:
-    """Waits until the service has received so many frames. Raises EchogridError if it gets no further."""
-    health = service.pipeline.health
-    seen, deadline = health.frames, time.monotonic() + PATIENCE
-    while health.frames < frames and not service.workers.stop.is_set():
-        time.sleep(0.001)
-        if health.frames > seen:
-            seen, deadline = health.frames, time.monotonic() + PATIENCE
-        elif time.monotonic() > deadline:
-            raise EchogridError(f"the service received {seen} frames, then none for {PATIENCE:.0f} s")
 
 
 def watch(endpoint: str, vehicle: str, out: Path) -> None:

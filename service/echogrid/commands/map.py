@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from echogrid.commands.terminal import progress
+from echogrid.commands.terminal import coloured, progress
 from echogrid.maps.export import export, parse_box
 from echogrid.maps.importing import import_map
 from echogrid.maps.info import info, lines
@@ -28,7 +28,7 @@ def show_command(file: Path, out: Path | None, *, epoch: int | None, force: bool
     """Prints the map as wide as the terminal is."""
     with progress(f"reading {file.name}") as advance:
         seen = show(file, epoch=epoch, out=out, force=force, on_progress=advance)
-    print(text(seen, columns=shutil.get_terminal_size((100, 0)).columns))
+    print(text(seen, shutil.get_terminal_size((100, 0)).columns, coloured=coloured()))
 
 
 def export_command(file: Path, out: Path, *, epoch: int | None, form: str | None, mode: str | None, bbox: str | None, force: bool) -> None:

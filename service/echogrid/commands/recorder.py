@@ -22,7 +22,6 @@ from echogrid.maps.map_files import write_map
 from echogrid.pipeline import Pipeline
 
 TRAJECTORY_STEP_NS = 20_000_000
-FILES = ("map.npz", "map.pgm", "map.yaml", "map.png", "trajectory.csv")
 
 
 @dataclass(slots=True)
@@ -60,18 +59,21 @@ class Recorder:
         return update
 
     def write(self, out: Path, truth: Truth | None, faults: Sequence[str] = (), notes: Sequence[str] = ()) -> dict[str, Any]:
-        """Ends the last cycle and writes all files into a folder, which is made; returns the summary, with what the recording is like."""
+        """Ends the last cycle and writes all files into a folder, which is made; returns the summary, with what the recording is like.
+
+        Where no cycle was mapped, that is the summary alone.
+        """
         self.pipeline.mapper.end_cycle()
         out.mkdir(parents=True, exist_ok=True)
-        digest, known = write_map(out, self.pipeline.mapper.map, self.trajectory)
+        digest, written = write_map(out, self.pipeline.mapper.map, self.trajectory) if self.pipeline.health.cycles else (None, [])
         if self.first_s is not None:
             self.states.look(self.last_s - self.first_s, self.pipeline.state(0))
-        summary = self._summary(digest, known, truth) | {"faults": list(faults), "notes": list(notes)}
-        summary["files"] = sorted({*(name for name in FILES if (out / name).is_file()), "summary.json"})
+        summary = self._summary(digest, "map.png" in written, truth) | {"faults": list(faults), "notes": list(notes)}
+        summary["files"] = sorted([*written, "summary.json"])
         (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
         return summary
 
-    def _summary(self, digest: str, known: bool, truth: Truth | None) -> dict[str, Any]:
+    def _summary(self, digest: str | None, known: bool, truth: Truth | None) -> dict[str, Any]:
         health = self.pipeline.health
         cycle_ms = np.array(self.cycle_s or [0.0]) * 1e3
         state = self.pipeline.state(0)
@@ -99,6 +101,7 @@ class Recorder:
             "detections": health.detections,
             "static_detections": health.static_detections,
             "distance_m": round(self.pipeline.mapper.odometry.distance, 2),
+            "learned": self.pipeline.mapper.odometry.errors.learned(),
             "cycle_ms": {
                 "p50": round(float(np.percentile(cycle_ms, 50)), 3),
                 "p99": round(float(np.percentile(cycle_ms, 99)), 3),

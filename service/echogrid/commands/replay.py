@@ -12,10 +12,10 @@ from typing import Any
 from echogrid.can.signals import bus_of
 from echogrid.commands.recorder import Recorder, report
 from echogrid.commands.state_log import StateLog
-from echogrid.commands.terminal import progress
+from echogrid.commands.terminal import progress, show_map
 from echogrid.commands.traffic import Traffic
 from echogrid.config.loading import load_config
-from echogrid.errors import EchogridError
+from echogrid.errors import EchogridError, NoMapError
 from echogrid.logs.drive import Drive, Truth, find_drive, load_truth
 from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
@@ -33,6 +33,7 @@ def command(
     drive = find_drive(path, config)
     with progress(f"replay {path.name}") as advance:
         summary = replay(drive, out, realtime=realtime, model=model, record=record, store=store, on_progress=advance, say=say)
+    show_map(out)
     report(summary, out)
     for note in summary["notes"]:
         print(f"note: {note}")
@@ -62,12 +63,13 @@ def replay(
     `record`: also write an MCAP file. `store`: also write the map's tiles into this file, which may already hold other maps.
 
     A torn recording is mapped up to where it breaks off, and one with parts that cannot be understood without them; the files are written,
-    then EchogridError is raised. A recording with no id that the configuration knows, or that gives no map, is refused with an
-    EchogridError, and nothing is written. `faults` in the summary is what is wrong with the times, `notes` what else is worth a word.
+    then EchogridError is raised. A recording with no id that the configuration knows is refused with NoMapError, and nothing is written;
+    of one that gives no map the summary is written before. `faults` in the summary is what is wrong with the times, `notes` what else is
+    worth a word.
     """
     config = load_config(drive.config, model)
     pipeline = Pipeline(config, drive.config)
-    truth = _truth(drive, say)
+    truth = true_poses(drive, say)
     log = Log(drive.log)
     recorder = Recorder(pipeline, states=StateLog(say))
     torn: EchogridError | None = None
@@ -95,16 +97,20 @@ def replay(
         if pipeline.health.unknown_frames == pipeline.health.frames - pipeline.health.bad_frames:
             if recording is not None:
                 recording.discard()
-            raise torn or EchogridError(_nothing_known(drive, pipeline, traffic))
+            raise torn or NoMapError(nothing_known(drive, pipeline, traffic))
         faults = log.times.faults() + traffic.coarse(log.times)
         pipeline.mapper.end_cycle()
         if not pipeline.health.cycles:
             if recording is not None:
                 recording.discard()
-            raise torn or EchogridError(f"{drive.log}: no map came of it: {'; '.join(faults) or _why_none(pipeline, traffic)}")
+            if torn is not None:
+                raise torn
+            why = "; ".join(faults) or why_none(pipeline, traffic)
+            recorder.write(out, truth, faults, [*log.account.notes, *log.times.notes(), *traffic.strangers()])
+            raise NoMapError(f"{drive.log}: no map came of it: {why}")
         if keeper is not None and torn is None:
             _flush(keeper)  # before the log is read, so that no frame has to wait
-        summary = recorder.write(out, truth, faults, log.account.notes + log.times.notes())
+        summary = recorder.write(out, truth, faults, log.account.notes + log.times.notes() + traffic.strangers())
         if keeper is not None and torn is None:
             _flush(keeper)
     if torn is not None:
@@ -126,7 +132,7 @@ def _wait(timestamp: float, recorder: Recorder) -> None:
             time.sleep(ahead)
 
 
-def _truth(drive: Drive, say: Callable[[str], None] | None) -> Truth | None:
+def true_poses(drive: Drive, say: Callable[[str], None] | None) -> Truth | None:
     """The true poses; None, and a word, where the file is another program's."""
     try:
         return load_truth(drive.truth)
@@ -136,7 +142,7 @@ def _truth(drive: Drive, say: Callable[[str], None] | None) -> Truth | None:
         return None
 
 
-def _nothing_known(drive: Drive, pipeline: Pipeline, traffic: Traffic) -> str:
+def nothing_known(drive: Drive, pipeline: Pipeline, traffic: Traffic) -> str:
     expected = sorted({f"0x{frame_id:X}" for _, (frame_id, _) in pipeline.signals.readers})
     found = sorted({frame_id for _, _, (frame_id, _) in traffic.unread})[:8]
     why = "; ".join(traffic.strangers()) or (
@@ -145,6 +151,6 @@ def _nothing_known(drive: Drive, pipeline: Pipeline, traffic: Traffic) -> str:
     return f"{drive.log}: none of its {pipeline.health.frames} frames is one that {drive.config} knows: {why}"
 
 
-def _why_none(pipeline: Pipeline, traffic: Traffic) -> str:
+def why_none(pipeline: Pipeline, traffic: Traffic) -> str:
     scans = sum(sensor.complete for sensor in pipeline.health.sensors.values())
     return "; ".join([f"it has {scans} complete scans and {traffic.motion} frames of ego motion", *traffic.strangers()])

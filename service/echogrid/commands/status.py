@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from echogrid.client import Client, Credentials
+from echogrid.client import Client, Credentials, vehicles
 from echogrid.commands.terminal import screen
 from echogrid.errors import EchogridError
 from echogrid.watching import status_text
@@ -18,10 +18,14 @@ PATIENCE = 5.0  # s: a status comes once a second, a connection may take some
 SILENT = 2.5  # s without a status: two of them did not come
 
 
-def command(endpoint: str, vehicle: str, tls: tuple[Path, Path, Path] | None, *, going_on: bool, as_json: bool) -> bool:
-    """Whether the state is ok. `tls`: CA, certificate and key. `going_on`: until Ctrl-C, a KeyboardInterrupt. Raises EchogridError."""
+def command(endpoint: str, vehicle: str | None, tls: tuple[Path, Path, Path] | None, *, going_on: bool, as_json: bool) -> bool:
+    """Whether the state is ok. `tls`: CA, certificate and key. `going_on`: until Ctrl-C, a KeyboardInterrupt.
+
+    `vehicle`: None for the only one at the endpoint. Raises EchogridError.
+    """
     view = status_text.as_json if as_json else status_text.lines
     credentials = Credentials(*tls) if tls else None
+    vehicle = only_one(endpoint, credentials, wait=going_on) if vehicle is None else vehicle
     with Client(endpoint, vehicle, credentials) as client, screen(going_on, plain=as_json) as show:
         if going_on:
             interrupted = threading.Event()  # as an exception, Ctrl-C may be lost in a callback out of foreign code
@@ -33,17 +37,29 @@ def command(endpoint: str, vehicle: str, tls: tuple[Path, Path, Path] | None, *,
                     show(view(document, client.vehicle))
                 elif not as_json:
                     show(status_text.silence(client.vehicle, seconds))
-        document = look(client)
+        document = look(client, credentials)
         show(view(document, client.vehicle))
     return document.get("state") == "ok"
 
 
-def look(client: Client) -> dict[str, Any]:
-    """The next status. Raises EchogridError where none comes."""
+def only_one(endpoint: str, credentials: Credentials | None, *, wait: bool) -> str:
+    """The vehicle at an endpoint; `wait`: until there is one. Raises EchogridError where there is none, or more than one."""
+    while not (found := vehicles(endpoint, credentials, PATIENCE)):
+        if not wait:
+            raise EchogridError(f"{endpoint}: no vehicle within {PATIENCE:.0f} s, expected a service that listens there")
+    if len(found) > 1:
+        raise EchogridError(f"{endpoint}: the vehicles {', '.join(found)} are there, expected one: say which with --vehicle")
+    return found[0]
+
+
+def look(client: Client, credentials: Credentials | None) -> dict[str, Any]:
+    """The next status. Raises EchogridError where none comes, with the vehicles that are there."""
     document = client.status(PATIENCE)
     if document is None:
+        found = vehicles(client.endpoint, credentials, 1.0)
+        others = f"; there are: {', '.join(found)}" if found else ""
         where = f"vehicle '{client.vehicle}' at {client.endpoint}"
-        raise EchogridError(f"{where}: no status within {PATIENCE:.0f} s, expected a service that listens there for this vehicle")
+        raise EchogridError(f"{where}: no status within {PATIENCE:.0f} s, expected a service that listens there for this vehicle{others}")
     return document
 
 

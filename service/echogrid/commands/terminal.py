@@ -2,8 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from echogrid.maps.picture import text
+
+WIDEST = 100  # columns of a map
 
 
 @contextmanager
@@ -43,3 +53,15 @@ def progress(title: str) -> Iterator[Callable[[float], None] | None]:
     with Progress(console=console, disable=not console.is_terminal, transient=True) as bar:
         task = bar.add_task(title, total=1.0)
         yield lambda share: bar.update(task, completed=share)
+
+
+def coloured() -> bool:
+    """Whether what is printed may have colours: on a terminal that has some, and where NO_COLOR does not forbid it."""
+    return sys.stdout.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+
+
+def show_map(out: Path) -> None:
+    """The map that was written into a folder, coarse, where there is a terminal to show it on."""
+    if sys.stdout.isatty() and (out / "map.npz").is_file():
+        with np.load(out / "map.npz") as file:
+            print(text(file["log_odds"], min(WIDEST, shutil.get_terminal_size((WIDEST, 0)).columns), coloured=coloured()))

@@ -25,6 +25,7 @@ class Traffic:
         self._readers = signals.readers
         self._motion = config.motion.bus, set(signals.ids(config.motion.bus))
         self._newest: dict[FrameId, float] = {}
+        self._heard: set[tuple[str, FrameId]] = set()  # that are read
 
     def add(self, bus: str | None, message: can.Message) -> None:
         """A frame of the recording, and the bus that it belongs to."""
@@ -34,7 +35,9 @@ class Traffic:
         if bus is None or (bus, frame_id) not in self._readers:
             if len(self.unread) < MOST_IDS:
                 self.unread[bus, channel if isinstance(channel, int) else str(channel or ""), frame_id] += 1
-        elif bus == self._motion[0] and not isinstance(self._readers[bus, frame_id], RadarReader):
+            return
+        self._heard.add((bus, frame_id))
+        if bus == self._motion[0] and not isinstance(self._readers[bus, frame_id], RadarReader):
             self.motion += 1
             self.repeated += self._newest.get(frame_id) == message.timestamp
             self._newest[frame_id] = message.timestamp
@@ -49,9 +52,10 @@ class Traffic:
         ]
 
     def strangers(self) -> list[str]:
-        """Why frames whose ids are read are not: their channel is another, is not said, or their ids have another length."""
+        """Why frames are not read whose ids are read but were not heard: their channel is another, or not said, or their ids' length is."""
+        missed = {key for key in self._readers if key not in self._heard}
+        expected = {frame_id for _, frame_id in missed}
         said = []
-        expected = {frame_id for _, frame_id in self._readers}
         for channel in dict.fromkeys(channel for bus, channel, _ in self.unread if bus is None):
             fitting = {frame_id for bus, other, frame_id in self.unread if bus is None and other == channel} & expected
             if not fitting:
@@ -59,17 +63,36 @@ class Traffic:
             if channel == "":
                 said.append("it does not say channels, so its buses cannot be told apart")
                 continue
-            fits = Counter(bus for bus, frame_id in self._readers if frame_id in fitting)
+            fits = Counter(bus for bus, frame_id in missed if frame_id in fitting)
             bus = next(bus for bus in self._config.bus if bus.name == fits.most_common(1)[0][0])
             shown = str(channel) if isinstance(channel, int) else f'"{channel}"'
             said.append(
                 f"frames with ids that are read are of channel {shown.replace(chr(34), chr(39))}, expected '{bus.logged_as}': "
                 f"give log_channel = {shown} to the bus '{bus.name}'"
             )
+        said += self._on_other_buses(missed)
         found = {frame_id for _, _, frame_id in self.unread} - expected
         longer = sorted(number for number, extended in found if (number, not extended) in expected)
         if longer:
             extended = (longer[0], False) in expected
             lengths = ("29", "11") if extended else ("11", "29")
             said.append(f"ids such as 0x{longer[0]:X} are there with {lengths[0]} bits, expected with {lengths[1]}")
+        return said
+
+    def _on_other_buses(self, missed: set[tuple[str, FrameId]]) -> list[str]:
+        """Readers that heard nothing on their bus, and whose ids are on another that is configured."""
+        said = []
+        for reader in dict.fromkeys(self._readers.values()):
+            own = {key for key, one in self._readers.items() if one is reader}
+            if not own <= missed:
+                continue
+            (bus,) = {bus for bus, _ in own}
+            ids = {frame_id for _, frame_id in own}
+            there = Counter(other for other, _, frame_id in self.unread if other not in (None, bus) and frame_id in ids)
+            if there:
+                table = f"[[radar]] {reader.sensor}" if isinstance(reader, RadarReader) else "[motion]"
+                first = min(number for number, _ in ids)
+                said.append(
+                    f"ids such as 0x{first:X} are on bus '{there.most_common(1)[0][0]}', expected on '{bus}': give that bus to {table}"
+                )
         return said

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import ipaddress
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import msgspec
@@ -56,8 +56,7 @@ def _problems(config: Config) -> Iterator[str]:
     known = ", ".join(buses)
     for index, bus in enumerate(config.bus):
         if bus.interface not in VALID_INTERFACES:
-            near = difflib.get_close_matches(bus.interface, VALID_INTERFACES, n=1)
-            guess = f"; did you mean '{near[0]}'?" if near else ""
+            guess = _near(bus.interface, VALID_INTERFACES)
             yield f"bus[{index}].interface: '{bus.interface}' found, expected one that python-can knows, such as socketcan{guess}"
     fastest = 1e3 / config.map.cycle_ms
     if config.publish.rate_hz > fastest * (1 + 1e-9) and config.publish.rate_hz != Publish().rate_hz:  # the default asks for no more
@@ -66,7 +65,7 @@ def _problems(config: Config) -> Iterator[str]:
     if config.motion.bus not in buses:
         yield f"motion.bus: no [[bus]] is named '{config.motion.bus}', found {known}"
     if config.model not in NAMED and not config.model.endswith(".onnx"):
-        yield f"model: '{config.model}' found, expected {', '.join(NAMED)}, or the path of an .onnx file"
+        yield f"model: '{config.model}' found, expected {', '.join(NAMED)}, or the path of an .onnx file{_near(config.model, NAMED)}"
     if config.model in NAMED and config.model_sha256 is not None:
         yield f"model_sha256: given for '{config.model}', expected beside the path of an .onnx file: shipped files are checked anyway"
     if config.model == "analytic" and config.map.fusion == "looks":
@@ -101,6 +100,12 @@ def _problems(config: Config) -> Iterator[str]:
             problem = _exposed(endpoint, config.publish)
             if problem is not None:
                 yield f"publish.{key}: '{endpoint}' {problem}"
+
+
+def _near(name: str, known: Iterable[str]) -> str:
+    """The end of a sentence about a name that is none: the known one that it is nearly, or nothing."""
+    near = difflib.get_close_matches(name, known, n=1)
+    return f"; did you mean '{near[0]}'?" if near else ""
 
 
 def _exposed(endpoint: str, publish: Publish) -> str | None:

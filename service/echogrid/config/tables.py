@@ -62,6 +62,7 @@ class Motion(Table, frozen=True):
     wheel_scale: Annotated[float, Meta(ge=0.01, le=100)] = 1.0  # true speed = wheel_scale * the decoded one
     yaw_rate_bias_deg_s: Annotated[float, Meta(ge=-10, le=10)] = 0.0  # what the sensor shows of no turn, taken off
     latency_ms: Latency = 0.0  # of both, added to the profile's
+    learns: Literal["driving", "standing", "never"] = "driving"  # when the errors of wheels and yaw rate are learned
 
 
 class Radar(Table, frozen=True):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,9 @@ from echogrid.core.evidence.raster import GridSpec, Image
 from echogrid.core.health import Health
 from echogrid.core.map.tiled_map import Shelf, TiledMap, View
 from echogrid.core.messages import EgoMotion, Floats, RadarScan
+from echogrid.core.motion.error_filter import Certainty, ErrorFilter
 from echogrid.core.motion.odometry import EgoState, Odometry
+from echogrid.core.radar.doppler_errors import DopplerErrors
 from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
 from echogrid.core.radar.static_gate import GateNoise, beside_movers
@@ -27,11 +30,30 @@ Infer = Callable[[Surroundings], Image]  # what one update says about the cells 
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Judged:
+    """All detections of the trusted radars in one cycle, in the order of the scans, and what the gate said of each."""
+
+    points: Floats  # (N, 2) m, base frame
+    radars: NDArray[np.uint8]  # (N,) number of the radar in the configuration
+    verdicts: NDArray[np.uint8]  # (N,) STATIC, MOVING or BESIDE
+
+    STATIC: ClassVar[int] = 0  # went into the map
+    MOVING: ClassVar[int] = 1  # by its range rate
+    BESIDE: ClassVar[int] = 2  # seems to stand, but lies beside some that move: dropped with them
+
+
+NOTHING_JUDGED = Judged(np.zeros((0, 2)), np.zeros(0, np.uint8), np.zeros(0, np.uint8))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class MapUpdate:
-    """One cycle: where the car was at the newest scan, and the static detections (N, 2) in base that went into the map."""
+    """One cycle: where the car was at the newest scan, the static detections (N, 2) in base that went into the map, and how well the car's
+    motion is known."""
 
     ego: EgoState
     static_points: Floats  # (N, 2) m, base frame at `ego.stamp_ns`
+    certainty: Certainty
+    judged: Judged = NOTHING_JUDGED  # all detections, those among them
 
 
 class Mapper:
@@ -51,7 +73,9 @@ class Mapper:
         noise: GateNoise,
         cycle_ns: int,
         max_age_ns: int,
+        errors: ErrorFilter | None = None,
     ) -> None:
+        """`errors`: what is known of the motion sensors' errors; None: nothing so far."""
         self.mounts = mounts
         self.infer = infer
         self.map = occupancy
@@ -60,7 +84,8 @@ class Mapper:
         self.cycle_ns = cycle_ns
         self.max_age_ns = max_age_ns
         self.watch = Watch(mounts, health.sensors, noise)
-        self.odometry = Odometry()
+        self.odometry = Odometry(ErrorFilter(tuple(mounts)) if errors is None else errors)
+        self.doppler = DopplerErrors()
         self.history = History()
         self.pending: list[RadarScan] = []
         self.newest_ns: dict[str, int] = {}  # stamp of each sensor's newest scan
@@ -107,15 +132,17 @@ class Mapper:
         return self.end_cycle()
 
     def end_cycle(self) -> MapUpdate | None:
-        """Predict, doubt, gate, remember, infer, integrate: what the pending scans say goes into the map, if it takes one from here."""
+        """Predict, doubt, learn, gate, remember, infer, integrate: what the pending scans say goes into the map, if it takes any here."""
         placed = self._trusted(self._place(self.pending))
         self.pending = []
         if not placed:
             return None
         ego = max((one.ego for one in placed), key=lambda ego: ego.stamp_ns)
+        self.doppler.add(placed, self.odometry.errors, self.noise)
         found = self._detections(placed, ego)
         near = found.chosen(np.concatenate([one.near for one in placed]))
-        static = near.chosen(self._standing(near))
+        standing, beside = self._gate(near)
+        static = near.chosen(standing & ~beside)
         self.health.cycles += 1
         self.health.static_detections += len(static)
         view = self._view(placed, ego.stamp_ns)
@@ -128,13 +155,15 @@ class Mapper:
             self.map.integrate(said, ego.odom_from_base, view)
         self.health.tiles_forgotten = self.map.forgotten
         self.watch.mapped_ns = max(one.scan.received_ns for one in placed)
-        return MapUpdate(ego, static.points)
+        certainty = self.odometry.errors.certainty(ego.speed, ego.yaw_rate)
+        return MapUpdate(ego, static.points, certainty, self._judged(placed, near, standing, beside))
 
     def _start_new_map(self, why: str) -> None:
         """Another map: where the car is in the old one is not known any more."""
         self.map.clear()
         self.history = History()
         self.odometry.restart()
+        self.doppler.restart()
         self.pending = []
         self.newest_ns.clear()
         self.cycle_end_ns = None
@@ -185,10 +214,16 @@ class Mapper:
         rcs, sigmas = np.concatenate([one.whole.rcs for one in placed]), np.concatenate([one.sigmas for one in placed])
         return Detections(points, origins, rcs, sigmas)
 
-    def _standing(self, found: Detections) -> NDArray[np.bool_]:
-        """Which of them are static: their own range rate says so, and they are not between moving ones."""
+    def _gate(self, found: Detections) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which of them their own range rates call standing, and which lie between moving ones."""
         standing = found.deviation <= self.noise.sigmas
-        return standing & ~beside_movers(found.points, ~standing, self.noise)
+        return standing, beside_movers(found.points, ~standing, self.noise)
+
+    def _judged(self, placed: list[PlacedScan], found: Detections, standing: NDArray[np.bool_], beside: NDArray[np.bool_]) -> Judged:
+        numbers = {name: number for number, name in enumerate(self.mounts)}
+        radars = np.repeat(np.array([numbers[one.scan.sensor] for one in placed], np.uint8), [len(one.scan) for one in placed])
+        verdicts = np.where(standing, np.where(beside, Judged.BESIDE, Judged.STATIC), Judged.MOVING).astype(np.uint8)
+        return Judged(found.points, radars, verdicts)
 
     def _beams(self, placed: list[PlacedScan], found: Detections, now: EgoState) -> Beams:
         """Their static detections as far as the map reaches, which may be farther than a network is shown."""
@@ -196,7 +231,8 @@ class Mapper:
         bits = {name: 1 << bit for bit, name in enumerate(self.mounts)}
         radars = np.repeat(np.array([bits[one.whole.sensor] for one in placed], dtype=np.uint16), [len(one.whole) for one in placed])
         reached, radars = found.chosen(far), radars[far]
-        static = self._standing(reached)
+        standing, beside = self._gate(reached)
+        static = standing & ~beside
         kept = reached.chosen(static).moved(now.odom_from_base)
         return Beams(kept.points, kept.origins, radars[static])
 

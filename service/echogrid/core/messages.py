@@ -28,6 +28,7 @@ class RadarScan:
     ambiguity: float = 0.0  # m/s: range rates are known modulo this; 0 where unambiguous
     blockage: float = 0.0  # 0 clear … 1 blind
     lag: float = 0.0  # s by which its cycles come later than their counter says; 0 where they have none
+    missed: int = 0  # cycles between the last complete one and it, by their counter; 0 where they have none
 
     def __len__(self) -> int:
         return len(self.range)
@@ -55,6 +56,7 @@ class Speed:
     stamp_ns: int
     speed: float  # m/s
     continues: bool = True  # False: by the sender's counter, time has jumped since the last sample
+    difference: float = 0.0  # m/s by which the right rear wheel is faster than the left one
 
 
 @dataclass(frozen=True, slots=True)

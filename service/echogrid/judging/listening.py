@@ -125,11 +125,11 @@ def _owners(config: Config, reader: SignalReader) -> tuple[list[Owner], dict[tup
             owners += [Owner(SPEED, config.motion.bus, (one.wheel_id,), False), Owner(YAW_RATE, config.motion.bus, (one.yaw_id,), False)]
         else:
             bus = next(radar.bus for radar in config.radar if radar.name == one.sensor)
-            owners.append(Owner(one.sensor, bus, _needed(one)))
+            owners.append(Owner(one.sensor, bus, needed(one)))
     return owners, lengths
 
 
-def _needed(radar: RadarReader) -> tuple[FrameId, ...]:
+def needed(radar: RadarReader) -> tuple[FrameId, ...]:
     """The ids without which there is no scan: the header, the first message of detections, the end."""
     kept = [
         frame_id

@@ -17,6 +17,7 @@ import msgspec
 from echogrid.config.tables import Config
 from echogrid.core.kernels import dispatch as kernels
 from echogrid.errors import EchogridError
+from echogrid.live.learned_keeper import LearnedKeeper
 from echogrid.live.manager import Manager
 from echogrid.live.mapping import Add, Mapping
 from echogrid.live.publishing import Publishing
@@ -25,6 +26,7 @@ from echogrid.live.workers import Workers
 from echogrid.pipeline import Pipeline
 from echogrid.recording.foxglove import Foxglove
 from echogrid.recording.mcap_recorder import McapRecorder
+from echogrid.store.learned_file import LEARNED
 from echogrid.store.store_file import SUFFIX
 from echogrid.store.tile_keeper import TileKeeper
 from echogrid.topics.announcer import Announcer
@@ -95,6 +97,7 @@ class Service:
             "dropped_frames": self.receiving.queue.dropped,
             "dropped_motion": self.receiving.queue.dropped_motion,
             "store": None if self.keeper is None else asdict(self.keeper.status),
+            "learned": self.pipeline.mapper.odometry.errors.learned(),
             "recording": None if self.recorder is None else asdict(self.recorder.recording),
             "rss_mib": resident_mib(),
             **asdict(health),
@@ -116,6 +119,8 @@ class Service:
             if path is not None:
                 self.keeper = opened.enter_context(self.pipeline.keep(path, time.time_ns(), self.mapping.lock))
                 self.workers.add("keeper", self.keeper.run)
+                learned = LearnedKeeper(path.with_suffix(LEARNED), self.config, self.pipeline.mapper.odometry.errors, self.mapping.lock)
+                self.workers.add("learned", learned.run)
             publisher = opened.enter_context(Publisher(self.config.publish, self.config.vehicle, self.config.ros))
             self.publishing.sinks.append(publisher)
             reader = MapReader(self.pipeline.mapper, self.mapping.lock, self.keeper)

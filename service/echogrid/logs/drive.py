@@ -11,6 +11,7 @@ import numpy as np
 from echogrid.core.map.tiled_map import LogOdds
 from echogrid.core.messages import Floats
 from echogrid.errors import EchogridError
+from echogrid.files import meant
 
 MOST_BYTES = 1 << 30  # that a truth file unpacks to
 ENDINGS = (".log", ".blf", ".asc", ".mf4", ".trc", ".mcap", ".csv", ".pcap", ".pcapng", ".db")
@@ -49,7 +50,7 @@ class Drive:
 def find_drive(path: Path, config: Path | None) -> Drive:
     """A drive folder, or a log with a configuration of its own. Raises EchogridError where either is missing."""
     if not path.exists():
-        raise EchogridError(f"{path}: there is no such file or folder")
+        raise EchogridError(f"{path}: there is no such file or folder{meant(path)}")
     if not path.is_dir():
         if config is None:
             raise EchogridError(f"{path}: a log needs a configuration: give it with -c, or replay a drive folder")

@@ -10,6 +10,7 @@ from pathlib import Path
 import can
 
 from echogrid.errors import EchogridError
+from echogrid.files import meant
 from echogrid.logs.formats import asc, blf, candump, csv_log, library, pcap, trc
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.frame import Frame, as_messages
@@ -60,7 +61,7 @@ class Log:
             self._size = path.stat().st_size
             self._raw = path.open("rb")
         except OSError as error:
-            raise EchogridError(f"{path}: cannot be read: {error.strerror}") from error
+            raise EchogridError(f"{path}: cannot be read: {error.strerror}{'' if path.exists() else meant(path)}") from error
 
     @property
     def progress(self) -> float:

@@ -16,8 +16,12 @@ from echogrid.maps.dense_map import write_npz
 from echogrid.maps.picture import draw
 
 
-def write_map(folder: Path, occupancy: TiledMap, trajectory: Sequence[EgoState]) -> tuple[str, bool]:
-    """Writes map.npz, map.pgm, map.yaml, map.png and trajectory.csv; returns the map's SHA-256, and whether anything is known in it."""
+def write_map(folder: Path, occupancy: TiledMap, trajectory: Sequence[EgoState]) -> tuple[str, list[str]]:
+    """Writes map.npz and trajectory.csv, and, where anything was mapped, map.pgm, map.yaml and map.png.
+
+    Returns the map's SHA-256, and the names of the files that were written.
+    """
+    written = ["map.npz", "trajectory.csv"]
     row, column, log_odds = occupancy.whole()
     cell = occupancy.spec.cell
     origin = (column * cell, row * cell)
@@ -26,13 +30,14 @@ def write_map(folder: Path, occupancy: TiledMap, trajectory: Sequence[EgoState])
     if log_odds.size:
         map_server.write(folder / "map.yaml", map_server.pixels_of(log_odds, "trinary"), origin, cell, "trinary")
         draw(log_odds, origin, cell, driven).save(folder / "map.png")
+        written += ["map.pgm", "map.yaml", "map.png"]
     with (folder / "trajectory.csv").open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("stamp_ns", "x", "y", "yaw"))
         for ego in trajectory:
             pose = ego.odom_from_base
             writer.writerow((ego.stamp_ns, f"{pose.x:.6f}", f"{pose.y:.6f}", f"{pose.yaw:.8f}"))
-    return sha256(log_odds, origin, cell), log_odds.size > 0
+    return sha256(log_odds, origin, cell), written
 
 
 def sha256(log_odds: LogOdds, origin: tuple[float, float], cell: float) -> str:

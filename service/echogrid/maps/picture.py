@@ -17,6 +17,7 @@ DRIVEN = (226, 88, 34)
 INK = (40, 44, 52)
 LONGEST = 1600  # pixels
 OCCUPIED = 1.0  # log-odds of what a small picture must not lose
+PLAIN = {(True, True): "█", (True, False): "▀", (False, True): "▄"}  # where the upper and the lower cell are occupied
 GAP, TITLE = 8, 40  # pixels around a panel and above it
 
 
@@ -96,8 +97,11 @@ def shrink(log_odds: LogOdds, step: int) -> LogOdds:
     return np.asarray(np.where((highest > OCCUPIED) | (lowest == 0), highest, lowest), dtype=np.float32)
 
 
-def text(log_odds: LogOdds, columns: int) -> str:
-    """The map for a terminal, y up, two rows of cells to a line: occupied white, free dark, never seen blank."""
+def text(log_odds: LogOdds, columns: int, *, coloured: bool = True) -> str:
+    """The map for a terminal, y up, two rows of cells to a line: occupied white, free dark, never seen blank.
+
+    Without colours: blocks where occupied, dots where free.
+    """
     if not log_odds.size:
         return ""
     step = max(1, -(-log_odds.shape[1] // columns))
@@ -106,7 +110,10 @@ def text(log_odds: LogOdds, columns: int) -> str:
     kind = np.where(seen > OCCUPIED, 2, np.where(seen < -0.5, 1, 0))[::-1]  # 2 occupied, 1 free, 0 never seen
     colour = ("0", "238", "255")
     lines = []
-    for upper, lower in zip(kind[::2], kind[1::2], strict=True):
-        cells = [f"\x1b[38;5;{colour[u]};48;5;{colour[v]}m▀" for u, v in zip(upper.tolist(), lower.tolist(), strict=True)]
-        lines.append("".join(cells) + "\x1b[0m")
+    for upper, lower in zip(kind[::2].tolist(), kind[1::2].tolist(), strict=True):
+        pairs = zip(upper, lower, strict=True)
+        if coloured:
+            lines.append("".join(f"\x1b[38;5;{colour[u]};48;5;{colour[v]}m▀" for u, v in pairs) + "\x1b[0m")
+        else:
+            lines.append("".join(PLAIN[u == 2, v == 2] if 2 in (u, v) else "·" if 1 in (u, v) else " " for u, v in pairs).rstrip())
     return "\n".join(lines)

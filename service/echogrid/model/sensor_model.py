@@ -11,11 +11,13 @@ from echogrid.config.tables import Config
 from echogrid.core.evidence.history import Surroundings
 from echogrid.core.evidence.inverse_sensor_model import AnalyticSensorModel
 from echogrid.core.evidence.raster import Image, rasterize
-from echogrid.core.map.look_map import LookMap
+from echogrid.core.map.look_map import Calibration, LookMap
 from echogrid.core.map.occupancy import OccupancyMap
 from echogrid.core.map.tiled_map import TiledMap
 from echogrid.core.mapper import Infer
 from echogrid.errors import EchogridError
+
+UNCALIBRATED = "summed as it answers: its calibration is for the rule 'looks'"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +61,8 @@ def _network(config: Config, source: Path) -> SensorModel:
             log_odds, weight = network(around)
             return np.asarray(log_odds * weight)
 
-        return SensorModel(summed, _sum(config), choice.why)
+        said = choice.why if network.contract.calibration == Calibration() else f"{choice.why}; {UNCALIBRATED}"
+        return SensorModel(summed, _sum(config), said)
 
     def averaged(around: Surroundings) -> Image:
         log_odds, weight = network(around)

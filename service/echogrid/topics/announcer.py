@@ -16,15 +16,17 @@ from echogrid.core.map.map_delta import NOTHING, Rectangle, around, changed, key
 from echogrid.core.map.tile import SIDE
 from echogrid.core.map.tiled_map import FREE, OCCUPIED, LogOdds
 from echogrid.core.mapper import Mapper, MapUpdate
+from echogrid.core.messages import Floats
 from echogrid.topics.diagnostic_array import encode_diagnostics
 from echogrid.topics.diagnostics import diagnostics
 from echogrid.topics.grids import Grid, GridUpdate, encode_grid, encode_update
-from echogrid.topics.points import Points, encode_points
-from echogrid.topics.poses import Odometry, Transform, encode_odometry, encode_transforms
+from echogrid.topics.points import JudgedPoints, Points, encode_judged, encode_points
+from echogrid.topics.poses import Odometry, Transform, encode_odometry, encode_transforms, spread
 from echogrid.topics.topic import (
     DETECTIONS,
     DIAGNOSTICS,
     FULL,
+    JUDGED,
     KEY,
     META,
     ODOMETRY,
@@ -95,13 +97,16 @@ class Announcer:
         def message(topic: Topic, payload: bytes, keyframe: int = 0) -> Message:
             return Message(topic, payload, stamp_ns, epoch, keyframe)
 
-        odometry = Odometry(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base, ego.speed, ego.yaw_rate)
+        known = snapshot.update.certainty
+        covariances = spread(known.pose, (0, 1, 5)), spread(known.motion, (0, 5))
+        odometry = Odometry(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base, ego.speed, ego.yaw_rate, *covariances)
         yield message(ODOMETRY, encode_odometry(odometry))
         transform = Transform(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base)
         yield message(TRANSFORM, encode_transforms((transform,)))
-        points = np.zeros((len(snapshot.update.static_points), 3), dtype=np.float32)
-        points[:, :2] = snapshot.update.static_points
-        yield message(DETECTIONS, encode_points(Points(stamp_ns, CAR_FRAME, points)))
+        judged = snapshot.update.judged
+        yield message(DETECTIONS, encode_points(Points(stamp_ns, CAR_FRAME, on_the_ground(snapshot.update.static_points))))
+        all_points = JudgedPoints(stamp_ns, CAR_FRAME, on_the_ground(judged.points), judged.radars, judged.verdicts)
+        yield message(JUDGED, encode_judged(all_points))
         seen = occupancy_percent(snapshot.log_odds)
         key = key_window(snapshot.window)
         cells = seen[key.within(snapshot.seen)]
@@ -122,14 +127,14 @@ class Announcer:
         yield Message(STATUS, msgspec.json.encode(status), stamp_ns, status["epoch"], 0)
         yield Message(DIAGNOSTICS, encode_diagnostics(diagnostics(status, self.config.vehicle, stamp_ns)), stamp_ns, status["epoch"], 0)
 
-    def meta(self, stamp_ns: int) -> Message:
+    def about(self) -> dict[str, Any]:
         """What does not change while the service runs."""
         config = self.config
         radars = [
             {key: getattr(radar, key) for key in ("name", "x", "y", "yaw_deg", "fov_deg", "max_range")}  # m and degrees in base
             for radar in config.radar
         ]
-        meta = {
+        return {
             "vehicle": config.vehicle,
             "version": version("echogrid"),
             "model": self.model,
@@ -139,11 +144,19 @@ class Announcer:
             "radars": radars,
             "keys": {topic.name: topic.type or "JSON" for topic in TOPICS},
         }
-        return Message(META, msgspec.json.encode(meta), stamp_ns, 0, 0)
+
+    def meta(self, stamp_ns: int) -> Message:
+        """`about` as a message."""
+        return Message(META, msgspec.json.encode(self.about()), stamp_ns, 0, 0)
 
     def _grid(self, stamp_ns: int, window: Rectangle, cells: NDArray[np.int8]) -> bytes:
         cell = self.config.grid.cell
         return encode_grid(Grid(stamp_ns, MAP_FRAME, cell, (window.column * cell, window.row * cell), cells))
+
+
+def on_the_ground(points: Floats) -> NDArray[np.float32]:
+    """(N, 2) as (N, 3) with z = 0."""
+    return np.pad(points.astype(np.float32), ((0, 0), (0, 1)))
 
 
 def occupancy_percent(log_odds: LogOdds) -> NDArray[np.int8]:

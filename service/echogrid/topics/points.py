@@ -13,7 +13,11 @@ from echogrid.topics.cdr import LITTLE_ENDIAN, aligned, body_of, encode_header, 
 _SHAPE = struct.Struct("<III")  # height, width, number of fields
 _FIELD = struct.Struct("<IBxxxI")  # offset, datatype, count
 _STEPS = struct.Struct("<BxxxIII")  # is_bigendian, point_step, row_step, length of data
-_FLOAT32 = 7  # sensor_msgs/PointField's number for it
+_UINT8, _FLOAT32 = 2, 7  # sensor_msgs/PointField's numbers for them
+_PLACE = [(name, 4 * number, _FLOAT32, 1) for number, name in enumerate("xyz")]
+_JUDGED = [*_PLACE, ("radar", 12, _UINT8, 1), ("verdict", 13, _UINT8, 1)]
+_RECORD = np.dtype({"names": ["place", "radar", "verdict"], "formats": ["(3,)<f4", "u1", "u1"], "offsets": [0, 12, 13], "itemsize": 16})
+MOST_VERDICT = 2  # the numbers of verdicts begin with 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,36 +29,75 @@ class Points:
     points: NDArray[np.float32]  # (N, 3) m, x, y, z in frame
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class JudgedPoints:
+    """The same with the radar that measured each, by its number in `meta`, and what the gate said of it: 0 static, 1 moving, 2 beside
+    some that move, and dropped with them."""
+
+    stamp_ns: int
+    frame: str
+    points: NDArray[np.float32]  # (N, 3) m, x, y, z in frame
+    radars: NDArray[np.uint8]  # (N,)
+    verdicts: NDArray[np.uint8]  # (N,)
+
+
 def encode_points(points: Points) -> bytes:
     """The points as sensor_msgs/msg/PointCloud2: float32 x, y, z, one after the other, all finite."""
-    count = len(points.points)
-    body = encode_header(points.stamp_ns, points.frame) + _SHAPE.pack(1, count, 3)
-    for number, name in enumerate("xyz"):
-        body = padded(body + encode_text(name), 4) + _FIELD.pack(4 * number, _FLOAT32, 1)
-    body += _STEPS.pack(0, 12, 12 * count, 12 * count)
-    return b"".join((LITTLE_ENDIAN, body, points.points.astype("<f4", copy=False).tobytes(), b"\1"))
+    return _encode(points.stamp_ns, points.frame, _PLACE, 12, len(points.points), points.points.astype("<f4", copy=False).tobytes())
 
 
 def decode_points(payload: bytes) -> Points:
     """The points of a sensor_msgs/msg/PointCloud2 that is laid out as `encode_points` does; a read-only view of the payload."""
+    stamp_ns, frame, data = _decode(payload, _PLACE, 12, "float32 x, y, z, one after the other")
+    return Points(stamp_ns, frame, _finite(np.frombuffer(data, dtype="<f4").reshape(-1, 3)))
+
+
+def encode_judged(judged: JudgedPoints) -> bytes:
+    """The points as sensor_msgs/msg/PointCloud2: float32 x, y, z, uint8 radar and verdict, 16 bytes each, all finite."""
+    records = np.zeros(len(judged.points), dtype=_RECORD)
+    records["place"], records["radar"], records["verdict"] = judged.points, judged.radars, judged.verdicts
+    return _encode(judged.stamp_ns, judged.frame, _JUDGED, 16, len(records), records.tobytes())
+
+
+def decode_judged(payload: bytes) -> JudgedPoints:
+    """The points of a sensor_msgs/msg/PointCloud2 that is laid out as `encode_judged` does."""
+    stamp_ns, frame, data = _decode(payload, _JUDGED, 16, "float32 x, y, z, uint8 radar, verdict in 16 bytes")
+    records = np.frombuffer(data, dtype=_RECORD)
+    if records["verdict"].max(initial=0) > MOST_VERDICT:
+        raise ValueError(f"a verdict of {records['verdict'].max()}, expected at most {MOST_VERDICT}")
+    return JudgedPoints(stamp_ns, frame, _finite(records["place"]), records["radar"], records["verdict"])
+
+
+def _encode(stamp_ns: int, frame: str, fields: list[tuple[str, int, int, int]], step: int, count: int, data: bytes) -> bytes:
+    body = encode_header(stamp_ns, frame) + _SHAPE.pack(1, count, len(fields))
+    for name, *layout in fields:
+        body = padded(body + encode_text(name), 4) + _FIELD.pack(*layout)
+    body = padded(body, 4) + _STEPS.pack(0, step, step * count, step * count)
+    return b"".join((LITTLE_ENDIAN, body, data, b"\1"))
+
+
+def _decode(payload: bytes, expected: list[tuple[str, int, int, int]], step: int, said: str) -> tuple[int, str, memoryview]:
+    """Stamp, frame, and the data of the points, `step` bytes each, in these fields."""
     body = body_of(payload)
     stamp_ns, frame, at = read_header(body)
     height, width, fields = read(_SHAPE, body, at)
     at += _SHAPE.size
     layout = []
-    for _ in range(min(fields, 4)):
+    for _ in range(min(fields, len(expected) + 1)):
         name, at = read_text(body, at)
         at = aligned(at, 4)
         layout.append((name, *read(_FIELD, body, at)))
         at += _FIELD.size
     big_endian, point_step, row_step, size = read(_STEPS, body, at)
     at += _STEPS.size
-    expected = [(name, 4 * number, _FLOAT32, 1) for number, name in enumerate("xyz")]
-    if (height, layout, big_endian, point_step) != (1, expected, 0, 12):
-        raise ValueError("the points are not laid out as float32 x, y, z, one after the other")
-    if size != row_step or size != 12 * width or len(body) != at + size + 1 or body[-1] != 1:
+    if (height, layout, big_endian, point_step) != (1, expected, 0, step):
+        raise ValueError(f"the points are not laid out as {said}")
+    if size != row_step or size != step * width or len(body) != at + size + 1 or body[-1] != 1:
         raise ValueError(f"{width} points declare {size} bytes and hold {len(body) - at - 1}")
-    points = np.frombuffer(body[at:-1], dtype="<f4").reshape(-1, 3)
+    return stamp_ns, frame, body[at:-1]
+
+
+def _finite(points: NDArray[np.float32]) -> NDArray[np.float32]:
     if not np.isfinite(points).all():
         raise ValueError("the points hold something that is not a number")
-    return Points(stamp_ns, frame, points)
+    return points

@@ -46,6 +46,13 @@ class Transform:
     pose: SE2
 
 
+def spread(covariance: Covariance, axes: Sequence[int]) -> Covariance:
+    """(6, 6) of ROS from one of some of its axes: 0 x, 1 y, 5 yaw; a car on a plane is sure of the others, whose variances are 0."""
+    whole = _unknown()
+    whole[np.ix_(axes, axes)] = covariance
+    return whole
+
+
 def encode_odometry(odometry: Odometry) -> bytes:
     """The odometry as nav_msgs/msg/Odometry: z, roll, pitch and their rates are 0."""
     head = encode_header(odometry.stamp_ns, odometry.frame) + encode_text(odometry.child_frame)

@@ -33,13 +33,14 @@ UPDATE = Topic("grid/fused/update", "map_msgs/msg/OccupancyGridUpdate", "/echogr
 ODOMETRY = Topic("odom", "nav_msgs/msg/Odometry", "/echogrid/odom", depth=10)
 TRANSFORM = Topic("tf", "tf2_msgs/msg/TFMessage", "/tf", depth=100)
 DETECTIONS = Topic("detections", "sensor_msgs/msg/PointCloud2", "/echogrid/detections", depth=5)
+JUDGED = Topic("detections/judged", "sensor_msgs/msg/PointCloud2", "/echogrid/detections_judged", depth=5)
 STATUS = Topic("status", None)
 DIAGNOSTICS = Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", depth=10)
 META = Topic("meta", None, kept=True)
 TRINARY = Topic("grid/fused/trinary", "nav_msgs/msg/OccupancyGrid", "/echogrid/map_trinary", kept=True, rank=1)  # of each key frame
 FLEET = Topic("grid/fused/fleet", "nav_msgs/msg/OccupancyGrid", rank=3, packed=True)  # made of FULL, where somebody listens
 ALIVE, REGION, TILE = "alive/fusion", "grid/fused/region", "grid/fused/tile"  # a liveliness token, and what is asked for
-TOPICS = (FULL, KEY, UPDATE, ODOMETRY, TRANSFORM, DETECTIONS, STATUS, DIAGNOSTICS, META, TRINARY)
+TOPICS = (FULL, KEY, UPDATE, ODOMETRY, TRANSFORM, DETECTIONS, JUDGED, STATUS, DIAGNOSTICS, META, TRINARY)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -35,6 +35,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     rss_mib: float | None = None
     store: File | None = None
     recording: File | None = None
+    learned: dict[str, float] = {}
     sensors: dict[str, dict[str, Any]] = {}
     buses: dict[str, dict[str, Any]] = {}
     counters: dict[str, int] = {}  # all other whole numbers
@@ -60,6 +61,7 @@ def lines(document: Mapping[str, Any], vehicle: str) -> list[Line]:
         *_file("recording", status.recording),
         _line("model", status.model),
         _line("kernels", status.kernels),
+        *_learned(status.learned),
         *_parts("radar", status.sensors, status.reasons),
         *_parts("bus", status.buses, status.reasons),
         _line("counters", _counts(status.counters)),
@@ -92,6 +94,14 @@ def _parts(kind: str, parts: Mapping[str, Mapping[str, Any]], reasons: tuple[str
         said = any(reason.startswith(f"{kind} {name}: ") for reason in reasons)
         style = "red" if not up else "yellow" if said else ""
         yield [(f"{kind:10}", "dim"), (f"{name:{width}}  ", style), ("" if up else "down, ", style), (_counts(counters), style)]
+
+
+def _learned(learned: Mapping[str, float]) -> Iterator[Line]:
+    """What ego motion is off by, with one sigma."""
+    for key, label, unit in (("wheel_scale_percent", "wheels", " %"), ("yaw_rate_bias_deg_s", "yaw rate", " °/s")):
+        if key in learned:
+            sigma, applied = (_number(learned.get(f"{key}_{what}"), 2) for what in ("sigma", "applied"))
+            yield _line(label, f"{learned[key]:+.2f} ±{sigma}{unit}, of which {applied} is corrected")
 
 
 def _line(label: str, text: str) -> Line:

@@ -50,3 +50,9 @@ def test_unknown_is_0_and_known_never() -> None:
     zero = np.zeros((2, 2), np.float32)
     known = np.array([[True, False], [False, True]])
     assert ((read_out(zero, zero, zero, zero, known) != 0) == known).all()
+
+
+def test_a_network_that_holds_a_cell_for_occupied_is_believed_until_beams_passed_often() -> None:
+    assert read(0.5) > 0
+    assert read(0.5, passes=2) > 0
+    assert read(6.0, passes=60) < 0

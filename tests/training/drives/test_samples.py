@@ -16,6 +16,7 @@ from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
 from echogrid.core.evidence.history_raster import CHANNELS
 from echogrid.core.evidence.raster import GridSpec
+from echogrid.core.motion.se2 import SE2
 from echogrid.logs.drive import find_drive
 from echogrid.logs.log import Log
 from echogrid.model.network import OnnxSensorModel
@@ -25,12 +26,13 @@ from echogrid_training.sensors.disturbance import Disturbance
 from echogrid_training.truth.ground_truth import ternary
 
 SPEC = GridSpec()
+START = SE2(-6.0, 2.0, 0.1)  # in a room of 28 x 14 m: no two of its walls are equally far, so no image looks like its mirror image
 
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("samples") / "drive"
-    return room_drive(folder, track(3.0, speed=3.0))
+    return room_drive(folder, track(3.0, speed=3.0, x=START.x, y=START.y, yaw=START.yaw))
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +61,26 @@ def test_detections_lidar_and_truth_show_the_same_walls(found: list[Sample]) -> 
     assert np.mean(past) > 0.8
     assert len(lidar) > 1000
     assert np.mean(lidar) > 0.95
+
+
+def on_walls(sample: Sample, drawn: np.ndarray, reach: float) -> list[bool]:
+    """Whether each drawn cell (H, W) lies within `reach` m of a wall, by the town's own plan."""
+    x, y = np.abs((START @ sample.truth_from_base).apply(SPEC.centres()[drawn.astype(bool)])).T
+    return (np.minimum(np.abs(x - 14.0), np.abs(y - 7.0)) < reach).tolist()
+
+
+def test_each_of_them_shows_the_walls_where_the_town_has_them(found: list[Sample]) -> None:
+    """Each for itself: turned over together they would still agree with each other."""
+    drawn = {"truth": (lambda sample: sample.truth > 0, 0.3), "lidar": (lambda sample: sample.lidar, 0.3)}
+    drawn |= {name: (lambda sample, name=name: sample.image[CHANNELS.index(name)], 0.6) for name in ("now", "count_15m")}
+    for name, (cells, reach) in drawn.items():
+        there = [one for sample in found for one in on_walls(sample, cells(sample), reach)]
+        assert len(there) > 100, name
+        assert np.mean(there) > (0.95 if reach < 0.5 else 0.8), name
+    for sample in found:  # of the five that can be seen in every patch, the two beside the car
+        rows = SPEC.centres()[..., 1][(sample.truth > 0) & (np.abs(SPEC.centres()[..., 0]) < 2.0)]
+        assert 3.0 < rows.max() < 6.0
+        assert -11.0 < rows.min() < -8.0
 
 
 def test_samples_keep_their_distance(drive: Path, found: list[Sample]) -> None:

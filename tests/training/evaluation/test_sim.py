@@ -23,7 +23,8 @@ from echogrid_training.evaluation.simulated import calibrating, probes
 from echogrid_training.evaluation.simulated.baselines import BASELINES
 from echogrid_training.evaluation.simulated.patches import STRATA
 from echogrid_training.evaluation.simulated.results import cleaned
-from echogrid_training.evaluation.tables.table import markdown, number
+from echogrid_training.evaluation.tables.markdown import markdown
+from echogrid_training.evaluation.tables.table import number
 from echogrid_training.learning.train import Settings, fit
 from echogrid_training.sensors.episode import paper_like
 
@@ -65,9 +66,12 @@ def test_all_methods_are_judged_on_all_levels(found: tuple[str, Path]) -> None:
     results = json.loads((found[1] / "results.json").read_text())
     assert (results["drives"], results["towns"], results["calibration_drives"], results["patches"]) == (1, 1, 1, 4)
     assert set(results["levels"]["patch"]) == {"mean patch", "tiny", "lidar", *BASELINES}
-    maps = {"Elfes, sum", "tiny, looks", "tiny, sum", "tiny, learned layer of looks", "geometric layer of looks"}
+    maps = {"Elfes, sum", "Elfes, sum, tuned", "geometric layer of looks"}
+    maps |= {f"tiny, {rule}" for rule in ("looks", "sum", "sum without clamp", "learned layer of looks")}
     for level in ("around", "finished", "revisited", "after 1 looks"):
         assert set(results["levels"][level]) == maps
+    for row in results["levels"]["finished"].values():
+        assert row["mse_free"] is not None
     for row in results["levels"]["patch"].values():
         assert set(row["strata"]) == set(STRATA)
         np.testing.assert_allclose(row["interval"]["ap"], row["ap"], atol=1e-9)  # one town alone

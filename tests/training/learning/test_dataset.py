@@ -15,6 +15,7 @@ from echogrid.core.motion.se2 import IDENTITY
 from echogrid.errors import EchogridError
 from echogrid_training.drives.samples import Sample, samples
 from echogrid_training.learning.dataset import (
+    SPEC,
     Samples,
     find_drives,
     joined,
@@ -31,12 +32,14 @@ from echogrid_training.learning.dataset import (
 )
 from echogrid_training.truth.ground_truth import soft as true_soft
 from echogrid_training.truth.ground_truth import ternary as true_ternary
+from echogrid_training.truth.simulated_truth import load_simulated_truth
 
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Off the middle of its room and askew, so that nothing looks like its mirror image."""
     folder = tmp_path_factory.mktemp("dataset") / "train-00000"
-    return room_drive(folder, track(1.5, speed=3.0))
+    return room_drive(folder, track(1.5, speed=3.0, x=-5.0, y=2.0, yaw=0.1))
 
 
 def names(folder: Path, *drives: str) -> list[Path]:
@@ -57,11 +60,21 @@ def test_kept_samples_are_those_of_the_drive(drive: Path) -> None:
     np.testing.assert_array_equal(of_detections(held.images)[:, 0] == 1.0, held.images[:, 0] > 0)
 
 
+def test_no_sample_of_the_drive_looks_like_its_mirror_image(drive: Path) -> None:
+    """What the comparison above hangs on: labels that were turned over would not pass it."""
+    labels = load_drive(drive).labels
+    for mirrored_labels in (labels[:, ::-1], labels[:, :, ::-1], labels.transpose(0, 2, 1)):
+        different = (np.sign(labels) != np.sign(mirrored_labels)).mean(axis=(1, 2))
+        assert different.min() > 0.02
+
+
 def test_evidence_that_nearly_cancels_is_still_observed() -> None:
     log_odds = np.array((0.0, np.finfo(np.float32).tiny, -1e-6, 6.0), dtype=np.float32)
-    truth = np.tile(log_odds, (128, 32))
+    truth = np.zeros((128, 128), np.float32)
+    truth[3, 8:12] = log_odds
     held = packed([Sample(0, np.zeros((128, 128), np.uint8), np.zeros((12, 128, 128), np.uint8), truth, IDENTITY)])
-    np.testing.assert_array_equal(ternary(held.labels[0, 0, :4]), (0, 1, -1, 1))
+    np.testing.assert_array_equal(ternary(held.labels[0, 3, 8:12]), (0, 1, -1, 1))
+    assert np.count_nonzero(held.labels) == 3
     assert len(packed([])) == 0
 
 
@@ -92,8 +105,9 @@ def test_samples_are_cut_anew_only_when_the_drive_changes(drive: Path, tmp_path:
     first = load_drive(copy)
     cut: list[Path] = []
 
-    def counted(folder: Path, disturbance: object) -> list[Sample]:
+    def counted(folder: Path, disturbance: object, *, whole: bool) -> list[Sample]:
         assert disturbance is None
+        assert not whole
         cut.append(folder)
         return list(samples(folder))
 
@@ -122,6 +136,21 @@ def test_disturbed_samples_are_kept_beside_the_others(drive: Path, tmp_path: Pat
     one = load_drive(tmp_path / "again" / "train-00001", disturbed=True)
     assert one.digest() == whole.chosen(np.arange(len(whole) - len(one), len(whole))).digest()
     assert one.digest() != load_drive(tmp_path / "again" / "train-00001").digest()
+
+
+def test_whole_samples_have_the_papers_labels_and_are_kept_apart(drive: Path) -> None:
+    """The true map's patch at the sample's pose, by a look-up of its own; the other samples tell less of it and nothing else."""
+    truth = load_simulated_truth(drive / "truth.npz")
+    told = load_drive(drive)
+    for _ in range(2):  # cut, and read back
+        held = load_drives([drive], whole=True)
+        for index, sample in enumerate(samples(drive)):
+            patch = truth.map.patch(sample.truth_from_base, SPEC)
+            np.testing.assert_array_equal(ternary(held.labels[index]), np.sign(patch))
+        known = told.labels != 0
+        np.testing.assert_array_equal(held.labels[known], told.labels[known])
+        assert np.count_nonzero(held.labels) > 1.05 * np.count_nonzero(known)
+        np.testing.assert_array_equal(held.images, told.images)
 
 
 def test_a_drive_of_another_grid_is_refused(drive: Path, tmp_path: Path) -> None:

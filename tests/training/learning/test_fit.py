@@ -193,8 +193,8 @@ def test_the_command_splits_trains_judges_and_exports(network: str, tmp_path: Pa
         assert model.is_file()
         return Calibration(1.5, -1.0)
 
-    def small(network: Network, weighting: Weighting, seed: int, epochs: int) -> Settings:
-        return replace(TINY, network=network, weighting=weighting, seed=seed, epochs=epochs, per_epoch=8)
+    def small(network: Network, weighting: Weighting, seed: int) -> Settings:
+        return replace(TINY, network=network, weighting=weighting, seed=seed, per_epoch=8)
 
     for index in range(4):
         (tmp_path / "drives" / f"train-{index:05d}").mkdir(parents=True)
@@ -206,6 +206,7 @@ def test_the_command_splits_trains_judges_and_exports(network: str, tmp_path: Pa
     fit.add_arguments(parser)
     drives, out = str(tmp_path / "drives"), tmp_path / "out"
     arguments = ["--drives", drives, "--test", drives, "--out", str(out), "--network", network, "--epochs", "1", "--small"]
+    arguments += ["--weighting", "inverse", "--labels", "soft", "--l2", "loss"]
     said = fit.run(parser.parse_args(arguments))
     assert "learned from 6 samples of 3 drives" in said
     assert "| validation: 1 | 2 |" in said
@@ -216,7 +217,10 @@ def test_the_command_splits_trains_judges_and_exports(network: str, tmp_path: Pa
     assert written == {"log.jsonl", "checkpoint.pt", "model.pt"} | files
     assert all(str(out / name) in said for name in files)
     assert mapped == ([] if network == "paper" else [(1, "default.onnx")])
-    by_itself = Calibration(*load_trained(out / "model.pt").calibration)
+    trained = load_trained(out / "model.pt")
+    assert (trained.settings.weighting, trained.settings.labels, trained.settings.l2) == ("inverse", "soft", "loss")
+    assert (trained.settings.epochs, trained.settings.network) == (1, network)
+    by_itself = Calibration(*trained.calibration)
     for name in files:
         contract = OnnxSensorModel(out / name, GridSpec(), {}).contract
         assert contract.calibration == (by_itself if network == "paper" else Calibration(1.5, -1.0))

@@ -62,6 +62,24 @@ def test_the_norms_hold_the_statistics_of_what_is_shown(file: Path) -> None:
     torch.testing.assert_close(learning, still, atol=1e-3, rtol=1e-3)
 
 
+def test_between_two_files_that_differ_in_the_last_layer_answers_lie_between_theirs(file: Path, tmp_path: Path) -> None:
+    """The last layer is linear, so there, and only there, the mean of weights is the mean of answers."""
+    weights = warm_start.started(file, SAMPLES)
+    weights["core.head.weight"] = weights["core.head.weight"] * 1.7 - 0.1
+    weights["core.head.bias"] = weights["core.head.bias"] + 0.4
+    trained = Trained(Settings(seed=5), weights, "ab" * 32, (1.0, 0.0), torch.from_numpy(SAMPLES.images[:3]), (0.6, 0.37, 0.03))
+    other = export.export(trained, tmp_path, Calibration())[0]
+    first, second = (OnnxSensorModel(path, GridSpec(), {}) for path in (file, other))
+    shown = torch.from_numpy(SAMPLES.images[:2]).float() / 255
+    for keep in (0.0, 0.25, 1.0):
+        model = UNet()
+        model.load_state_dict(warm_start.between(file, other, keep, SAMPLES))
+        with torch.no_grad():
+            answers = corrected(model.eval()(shown)).numpy()
+        for answer, image in zip(answers, SAMPLES.images, strict=False):
+            np.testing.assert_allclose(answer, keep * first.run(image) + (1 - keep) * second.run(image), atol=1e-3)
+
+
 def test_another_networks_file_is_refused(tmp_path: Path) -> None:
     paper = Path(export.__file__).parents[3] / "service" / "echogrid" / "models" / "paper.onnx"
     with pytest.raises(EchogridError, match=r"weights core\.stem\.0\.0\.weight: found none, expected \(32, 48, 3, 3\); give a float file"):

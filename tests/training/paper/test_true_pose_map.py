@@ -20,16 +20,18 @@ def truth() -> TruthMap:
     return TruthMap(log_odds, (-80 * SPEC.cell, -70 * SPEC.cell), SPEC.cell)
 
 
-@pytest.mark.parametrize("rule", ["sum", "looks"])
+@pytest.mark.parametrize("rule", ["endless", "sum", "looks"])
 def test_the_truth_along_the_way_makes_the_true_map(truth: TruthMap, rule: Rule) -> None:
-    """At poses on the grid's lines a patch needs no interpolation: the mean of the looks is the truth, the sum n times that, clamped."""
+    """At poses on the grid's lines a patch needs no interpolation: the mean of the looks is the truth, the sum n times that, or what of
+    it is within the clamp."""
     poses = [SE2(step * 4 * SPEC.cell, 0.0, 0.0) for step in range(6)]
     answers = np.stack([truth.patch(pose, SPEC) for pose in poses])
     looks = np.zeros(truth.log_odds.shape)
     for step in range(6):  # base lies in the middle of 128 x 128 cells, 80 columns and 70 rows from the map's corner
         looks[70 - 64 : 70 + 64, 80 + 4 * step - 64 : 80 + 4 * step + 64] += 1
-    expected = np.clip(looks * truth.log_odds, -CLAMP, CLAMP) if rule == "sum" else (looks > 0) * truth.log_odds
-    np.testing.assert_allclose(mapped(answers, poses, truth, rule), expected, atol=1e-4)
+    expected = {"endless": looks * truth.log_odds, "looks": (looks > 0) * truth.log_odds}
+    expected["sum"] = np.clip(expected["endless"], -CLAMP, CLAMP)
+    np.testing.assert_allclose(mapped(answers, poses, truth, rule), expected[rule], atol=1e-4)
 
 
 def test_a_prior_said_again_and_again_is_sure_only_as_a_sum(truth: TruthMap) -> None:
@@ -37,6 +39,7 @@ def test_a_prior_said_again_and_again_is_sure_only_as_a_sum(truth: TruthMap) -> 
     poses = [SE2(0.1 * step, 0.02 * step, 0.03 * step) for step in range(20)]
     middle = np.s_[60:80, 70:90]
     np.testing.assert_allclose(mapped(answers, poses, truth, "sum")[middle], -CLAMP)
+    np.testing.assert_allclose(mapped(answers, poses, truth, "endless")[middle], 20 * -0.4, atol=1e-4)
     np.testing.assert_allclose(mapped(answers, poses, truth, "looks")[middle], -0.4, atol=1e-5)
 
 

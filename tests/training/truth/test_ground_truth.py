@@ -23,25 +23,36 @@ SPEC = GridSpec()
 
 
 def test_the_sum_is_that_of_a_slow_reference() -> None:
-    """Eq. (1), cell by cell: the log-odds of every turn are added, and kept within the clamp."""
+    """Eq. (1), cell by cell: the log-odds of every turn are added, and kept within the clamp after each.
+
+    From one place, then from places around it: some cells come to either end of the clamp, and some back from there.
+    """
     rng = np.random.default_rng(0)
-    places = rng.uniform(-2.0, 2.0, (8, 2))
-    turns = [np.where(rng.uniform(size=AZIMUTHS) < 0.1, np.inf, rng.uniform(6.0, 9.0) + rng.normal(0, 0.02, AZIMUTHS)) for _ in places]
+    places = np.concatenate((np.full((6, 2), (0.4, -0.7)), rng.uniform(-2.0, 2.0, (12, 2))))
+    far = np.concatenate((np.full(6, 6.5), rng.uniform(6.0, 9.0, 12)))
+    turns = [np.where(rng.uniform(size=AZIMUTHS) < 0.1, np.inf, one + rng.normal(0, 0.02, AZIMUTHS)) for one in far]
     builder = TruthBuilder(places.min(axis=0), places.max(axis=0))
     nobody = np.zeros(AZIMUTHS, dtype=bool)
     for place, ranges in zip(places, turns, strict=True):
         builder.add(place, ranges, nobody)
     found = builder.finish()
 
-    columns, rows = range(-38, 39, 7), range(-40, 41, 8)
-    for row in rows:
-        for column in columns:
-            total = 0.0
-            x, y = (column + 0.5) * SPEC.cell, (row + 0.5) * SPEC.cell
-            for place, ranges in zip(places, turns, strict=True):
-                total = min(max(total + one_turn(place, ranges, row, column, x, y), -CLAMP), CLAMP)
-            i, j = (round((row * SPEC.cell - found.origin[1]) / SPEC.cell), round((column * SPEC.cell - found.origin[0]) / SPEC.cell))
-            assert math.isclose(found.log_odds[i, j], total, abs_tol=1e-5), (row, column)
+    angles = np.arange(0.0, 2 * np.pi, 0.5)  # and where the first six turns have a surface
+    surface = np.floor((places[0] + 6.5 * np.stack((np.cos(angles), np.sin(angles)), axis=1)) / SPEC.cell).astype(int)
+    cells = [(row, column) for row in range(-40, 41, 8) for column in range(-38, 39, 7)] + surface[:, ::-1].tolist()
+    ends = {"low": 0, "high": 0, "back": 0}
+    for row, column in cells:
+        total, plain = 0.0, 0.0
+        x, y = (column + 0.5) * SPEC.cell, (row + 0.5) * SPEC.cell
+        for place, ranges in zip(places, turns, strict=True):
+            added = one_turn(place, ranges, row, column, x, y)
+            total, plain = min(max(total + added, -CLAMP), CLAMP), plain + added
+            ends["high"] += plain > total == CLAMP
+        ends["low"] += total == -CLAMP > plain
+        ends["back"] += abs(total) < CLAMP and total != plain
+        i, j = (round((row * SPEC.cell - found.origin[1]) / SPEC.cell), round((column * SPEC.cell - found.origin[0]) / SPEC.cell))
+        assert math.isclose(found.log_odds[i, j], total, abs_tol=1e-5), (row, column)
+    assert min(ends.values()) >= 1, ends
 
 
 def one_turn(place: np.ndarray, ranges: np.ndarray, row: int, column: int, x: float, y: float) -> float:

@@ -33,11 +33,12 @@ SPACING = 1.0  # m: nearer neighbours would say nearly the same
 class Sample:
     """One map update: `image` is what the service shows its network, `truth` the log-odds of the true map around the car.
 
-    Where `truth` is 0 nothing was ever observed, or no radar could tell (truth.earned); ground_truth.ternary and .soft make labels of it.
+    Where `truth` is 0 nothing was ever observed, or, unless it is `whole`, no radar could tell (truth.earned); ground_truth.ternary and
+    .soft make labels of it.
     """
 
     stamp_ns: int
-    lidar: Bytes  # (H, W): 1 where the lidar has a return in its nearest turn, else 0
+    lidar: Bytes  # (H, W): 1 where the lidar has a return in its newest turn, else 0
     image: Bytes  # (12, H, W), as echogrid.core.evidence.history_raster draws it; where plane 0 is not 0 the paper's image is 1, else -1
     truth: LogOdds  # (H, W)
     truth_from_base: SE2
@@ -53,8 +54,11 @@ class Unwritten(LookMap):
         pass
 
 
-def samples(folder: Path, disturbance: Disturbance | None = None, spacing: float = SPACING) -> Iterator[Sample]:
-    """The drive's samples at least `spacing` m of way apart, by the service's own decoding, gate and rasteriser. Raises EchogridError."""
+def samples(folder: Path, disturbance: Disturbance | None = None, spacing: float = SPACING, whole: bool = False) -> Iterator[Sample]:
+    """The drive's samples at least `spacing` m of way apart, by the service's own decoding, gate and rasteriser. Raises EchogridError.
+
+    `whole`: true patches as the paper cuts them, with what no radar can tell.
+    """
     drive = find_drive(folder, None)
     truth = load_simulated_truth(drive.truth)
     config = load_config(drive.config, "analytic")  # its sensor model is not run
@@ -83,7 +87,8 @@ def samples(folder: Path, disturbance: Disturbance | None = None, spacing: float
             last = pose
             lidar = rasterize(truth.lidar_points(update.ego.stamp_ns, pose), spec)[0] > 0
             patch = truth.map.patch(pose, spec)
-            patch[~earned(patch, seen[0], spec)] = 0.0
+            if not whole:
+                patch[~earned(patch, seen[0], spec)] = 0.0
             yield Sample(update.ego.stamp_ns, lidar.astype(np.uint8), raster(seen[0]), patch, pose)
 
 

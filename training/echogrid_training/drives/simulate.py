@@ -21,7 +21,6 @@ from echogrid_training.sensors.visibility import Near, Traffic, poses_at
 from echogrid_training.towns.town import Thing, Town, Track, observed_by_car
 from echogrid_training.truth.ground_truth import TruthBuilder, TruthMap
 
-KEPT = 5  # of the lidar's turns, every so many is kept with the drive
 STATIONS = 8  # moments per radar at which the density is measured before the drive
 
 
@@ -34,7 +33,6 @@ def simulate(town: Town, episode: Episode, track: Progress = untracked) -> tuple
     for number, corner in enumerate(episode.corners):
         scans += radar_scans(town, surroundings, corner, episode, sensitivity, _rng(town, episode, number), track)
     turns = list(lidar_turns(town, track))
-    kept = turns[::KEPT]
     ego = town.ego
     truth = Truth(EPOCH_NS + np.round(ego.time * 1e9).astype(np.int64), ego.x, ego.y, ego.yaw, _walls(town.things))
     recording = Recording(
@@ -44,7 +42,7 @@ def simulate(town: Town, episode: Episode, track: Progress = untracked) -> tuple
         scans=sorted(scans, key=lambda scan: scan.stamp_ns),
         motion=sense_motion(ego, episode.motion, _rng(town, episode, len(episode.corners))),
         truth=truth,
-        lidar=LidarTurns(np.array([_stamp_ns(turn.time) for turn in kept]), np.array([turn.ranges for turn in kept])),
+        lidar=LidarTurns(np.array([_stamp_ns(turn.time) for turn in turns]), np.array([turn.ranges for turn in turns])),
     )
     return recording, truth_map(turns)
 

@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME=FILE",
-        help="a network's .onnx, or the model.pt of an autoencoder of the lidar's image as an upper bound; as often as you like; "
+        help="a network's .onnx, or the model.pt of an autoencoder of the lidar's image; as often as you like; "
         "files of one NAME are seeds of one network",
     )
     parser.add_argument("--patches", type=positive, default=60, metavar="N", help="of each test drive (default: 60)")

@@ -53,10 +53,15 @@ def doubled(channels: int, out: int) -> nn.Sequential:
 
 
 def decayed(model: nn.Module) -> tuple[list[nn.Parameter], list[nn.Parameter]]:
-    """The weights of convolutions, which L2 pulls to 0, and all others: biases and batch norms."""
+    """The weights of convolutions, which decay pulls to 0, and all others: biases and batch norms."""
     weights = [weight for weight in model.parameters() if weight.dim() > 1]
     others = [weight for weight in model.parameters() if weight.dim() <= 1]
     return weights, others
+
+
+def squared(model: nn.Module) -> Tensor:
+    """Scalar: the sum of the squares of all that is learned, which the paper adds to its loss."""
+    return torch.stack([weight.square().sum() for weight in model.parameters()]).sum()
 
 
 def weight_count(model: nn.Module) -> int:

@@ -127,12 +127,13 @@ def find_drives(folder: Path) -> list[Path]:
     return found
 
 
-def load_drive(drive: Path, disturbed: bool = False) -> Samples:
+def load_drive(drive: Path, disturbed: bool = False, whole: bool = False) -> Samples:
     """The drive's samples, from beside it if they are still true, else cut and kept there. Raises EchogridError.
 
-    `disturbed`: with thinned scans and silent radars in some spells.
+    `disturbed`: with thinned scans and silent radars in some spells. `whole`: with the paper's labels, of what no radar can tell too.
     """
-    kept, source = drive.with_name(f"{drive.name}.{'disturbed' if disturbed else 'samples'}.npz"), _source(drive)
+    kind = ("disturbed" if disturbed else "samples") + (".whole" if whole else "")
+    kept, source = drive.with_name(f"{drive.name}.{kind}.npz"), _source(drive)
     held = _read(kept, source)
     if held is not None:
         return held
@@ -143,7 +144,7 @@ def load_drive(drive: Path, disturbed: bool = False) -> Samples:
             f"expected {SPEC.cells} of {SPEC.cell}: the network is made for that"
         )
     what = Disturbance(zlib.crc32(drive.name.encode())) if disturbed else None
-    cut = packed(samples.samples(drive, what))
+    cut = packed(samples.samples(drive, what, whole=whole))
     partial = kept.with_name(f".{kept.name}.{os.getpid()}.partial")  # under torchrun several processes may cut the same drive
     try:
         with partial.open("wb") as file:
@@ -154,18 +155,20 @@ def load_drive(drive: Path, disturbed: bool = False) -> Samples:
     return cut
 
 
-def load_drives(drives: Sequence[Path], track: Track = untracked, *, disturbed: bool = False, workers: int = 1) -> Samples:
+def load_drives(
+    drives: Sequence[Path], track: Track = untracked, *, disturbed: bool = False, whole: bool = False, workers: int = 1
+) -> Samples:
     """Of all drives, in order; what is not kept beside them is cut by `workers` processes. Raises EchogridError."""
     if workers > 1:
         with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-            pending = [pool.submit(_cut, drive, disturbed) for drive in drives]
+            pending = [pool.submit(_cut, drive, disturbed, whole) for drive in drives]
             for done in track(pending, "cutting samples"):
                 done.result()
-    return joined([load_drive(drive, disturbed) for drive in track(drives, "loading samples")])
+    return joined([load_drive(drive, disturbed, whole) for drive in track(drives, "loading samples")])
 
 
-def _cut(drive: Path, disturbed: bool) -> None:
-    load_drive(drive, disturbed)
+def _cut(drive: Path, disturbed: bool, whole: bool) -> None:
+    load_drive(drive, disturbed, whole)
 
 
 def _source(drive: Path) -> str:

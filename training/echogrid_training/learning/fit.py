@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -33,12 +34,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="independent",
         help="of classes in the paper's loss (default: independent)",
     )
+    add_choices(parser, "decay")
     parser.add_argument("--epochs", type=positive, metavar="N", help="(default: 30, or 4 short ones with --small)")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of first weights, order and augmentation (default: 0)")
     parser.add_argument("--from", dest="start", type=Path, metavar="FILE", help="a float ONNX file of the default network to go on from")
+    parser.add_argument(
+        "--keep", type=_share, default=0.5, metavar="K", help="share of that file's weights in what is written (default: 0.5)"
+    )
     parser.add_argument("--small", action="store_true", help="few samples, the paper's network half as wide: five minutes on two cores")
     parser.add_argument("--workers", type=positive, default=os.cpu_count() or 1, metavar="N", help="processes that cut samples")
     parser.add_argument("--resume", action="store_true", help="continue the run in --out where it was interrupted")
+
+
+def add_choices(parser: argparse.ArgumentParser, l2: str) -> None:
+    """What the paper's loss leaves open."""
+    parser.add_argument(
+        "--labels",
+        choices=("ternary", "soft"),
+        default="ternary",
+        help="that the paper's loss compares with: -1, 0 and 1, or tanh(L / 2) of the true log-odds L (default: ternary)",
+    )
+    parser.add_argument(
+        "--l2",
+        choices=("decay", "loss"),
+        default=l2,
+        help=f"AdamW's decay of convolutions, or the squares of all weights in the loss, as the paper has it (default: {l2})",
+    )
 
 
 def run(options: argparse.Namespace, track: Track = untracked) -> str:
@@ -48,22 +69,26 @@ def run(options: argparse.Namespace, track: Track = untracked) -> str:
     learned, held_out = split(find_drives(options.drives))
     samples, validation = (load_drives(drives, track, disturbed=True, workers=options.workers) for drives in (learned, held_out))
     chosen: dict[str, Any] = {} if options.epochs is None else {"epochs": options.epochs}
+    chosen |= {"labels": options.labels, "l2": options.l2}
     if options.start is not None:
         if options.network != "default":
             raise EchogridError(f"--from {options.start}: is for the default network, found --network {options.network}")
         chosen["rate"] = warm_start.RATE
-    settings = (train.small if options.small else train.Settings)(options.network, options.weighting, seed=options.seed, **chosen)
+    settings = replace((train.small if options.small else train.Settings)(options.network, options.weighting, seed=options.seed), **chosen)
     start = None if options.start is None else warm_start.started(options.start, samples)
     trained = train.fit(samples, validation, settings, options.out, resume=options.resume, track=track, start=start)
     if int(os.environ.get("RANK", "0")):
         return "the first process judges and exports"
+    calibration = Calibration(*trained.calibration)
+    if options.start is not None:
+        learned_file = export.export(trained, options.out / "learned", calibration)[0]
+        trained = replace(trained, weights=warm_start.between(options.start, learned_file, options.keep, validation))
     way, model = trained.recipe(), trained.model()
     rows = [_row("validation", len(held_out), len(validation), train.judge(way, model, validation))]
     if options.test is not None:
         tested = find_drives(options.test)
         test = load_drives(tested, track, workers=options.workers)
         rows.append(_row("test", len(tested), len(test), train.judge(way, model, test)))
-    calibration = Calibration(*trained.calibration)
     paths = export.export(trained, options.out, calibration, calibrating(validation) if options.network == "default" else None)
     if options.network == "default":
         calibration = calibrate_map(some(held_out, MAPPED), paths[0], track)
@@ -92,6 +117,13 @@ TABLE = (
 def _row(name: str, drives: int, samples: int, figures: dict[str, dict[str, float]]) -> str:
     values = [value for kind in ("ternary", "soft") for value in figures[kind].values()]
     return f"| {name}: {drives} | {samples} | " + " | ".join("–" if math.isnan(value) else f"{value:.3f}" for value in values) + " |"
+
+
+def _share(text: str) -> float:
+    number = float(text)
+    if not 0.0 <= number <= 1.0:
+        raise argparse.ArgumentTypeError(f"{number:g} found, expected 0 to 1")
+    return number
 
 
 def positive(text: str) -> int:

@@ -22,7 +22,7 @@ CLASSES = {"free": -1, "unknown": 0, "occupied": 1}
 def reconstruction_loss(logits: Tensor, label: Tensor, weighting: Weighting) -> Tensor:
     """Scalar: the sum of alpha (tanh(logits / 2) - label)² over (B, H, W) logits and (B, H, W) labels in [-1, 1].
 
-    The paper's L2 on the weights is the optimiser's decay, so that its strength does not hang on the size of a batch.
+    The paper's L2 on the weights is train.py's.
     """
     return (pixel_weights(label, weighting) * (torch.tanh(logits / 2) - label).square()).sum()
 

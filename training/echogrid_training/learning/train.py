@@ -16,7 +16,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -24,7 +24,7 @@ from torch import Tensor, nn
 from torch.utils.tensorboard import SummaryWriter
 
 from echogrid.errors import EchogridError
-from echogrid_training.learning.autoencoder import decayed
+from echogrid_training.learning.autoencoder import decayed, squared
 from echogrid_training.learning.dataset import Samples, soft, ternary
 from echogrid_training.learning.loss import Weighting, calibrate, class_mse, class_sums
 from echogrid_training.learning.ranks import Ranks, joined_ranks
@@ -35,6 +35,8 @@ CHECKPOINT, LOG, MODEL = "checkpoint.pt", "log.jsonl", "model.pt"
 GOLDEN = 3  # held-out images that the exported model carries
 BOARD_STEPS = 20  # between two losses on TensorBoard
 LOOK = 512  # held-out samples that each epoch is judged by
+
+L2 = Literal["decay", "loss"]  # AdamW's decay of the convolutions' weights, or the paper's: squares of all weights as a part of the loss
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,14 +54,15 @@ class Settings:
     labels: Kind = "ternary"  # that the paper's loss compares with
     rate: float = 2e-3  # at the peak of the cycle
     warm: float = 0.1  # share of all steps until that peak
-    decay: float = 1e-4  # the paper's L2, on convolutions alone
+    l2: L2 = "decay"
+    decay: float = 1e-4  # the strength of either
     clip: float = 1.0  # of the gradient's norm
     average: float = 0.999  # how much of the weights' moving average each step keeps, once it is old enough
 
 
-def small(network: Network, weighting: Weighting, seed: int, epochs: int = 4) -> Settings:
+def small(network: Network, weighting: Weighting, seed: int) -> Settings:
     """A network in five minutes on two cores: enough to rank variants, not to show how good they get."""
-    return Settings(network, weighting, epochs, seed, width=16, batch=32, per_epoch=4096)
+    return Settings(network, weighting, 4, seed, width=16, batch=32, per_epoch=4096)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,7 +107,8 @@ class Run:
                 weight.data = weight.data.contiguous(memory_format=torch.channels_last)
         self.average = copy.deepcopy(self.model).requires_grad_(False).eval()
         weights, others = decayed(self.model)
-        groups = [{"params": weights, "weight_decay": settings.decay}, {"params": others, "weight_decay": 0.0}]
+        decay = settings.decay if settings.l2 == "decay" else 0.0
+        groups = [{"params": weights, "weight_decay": decay}, {"params": others, "weight_decay": 0.0}]
         self.optimiser = torch.optim.AdamW(groups, lr=settings.rate)
         self.epoch = 0
 
@@ -179,6 +183,8 @@ def _fit(
             with torch.autocast(ranks.device.type, torch.bfloat16, enabled=ranks.device.type == "cuda"):
                 output = parallel(image)
             loss = way.loss(output.float(), label)
+            if settings.l2 == "loss":
+                loss = loss + settings.decay * squared(run.model)
             run.optimiser.zero_grad()
             torch.autograd.backward(loss)
             nn.utils.clip_grad_norm_(run.model.parameters(), settings.clip, error_if_nonfinite=True)
@@ -192,10 +198,10 @@ def _fit(
                 board.add_scalar("loss", loss.item(), step)
         run.epoch = epoch + 1
         if board is not None:
-            errors = judge(way, run.average, thinned(held_out, LOOK))["ternary"]
+            mse = judge(way, run.average, thinned(held_out, LOOK))["ternary"]
             line = {"epoch": run.epoch, "step": run.epoch * per_epoch, "loss": total / per_epoch, "seconds": time.monotonic() - began}
-            _note(out / LOG, line | {"held_out_mse": errors})
-            for name, error in errors.items():
+            _note(out / LOG, line | {"held_out_mse": mse})
+            for name, error in mse.items():
                 board.add_scalar(f"held-out class MSE/{name}", error, run.epoch * per_epoch)
             _save(out / CHECKPOINT, {"what": what, "run": run.state()})
     if board is not None:
@@ -223,12 +229,17 @@ def follow(average: nn.Module, model: nn.Module, keep: float) -> None:
 
 def judge(recipe: Recipe, model: nn.Module, samples: Samples) -> dict[str, dict[str, float]]:
     """Class MSE, pooled over all pixels: 'ternary' against labels -1, 0 and 1 as in the paper's Table I, 'soft' against tanh(L / 2)."""
+    return {name: class_mse(total) for name, total in errors(recipe, model, samples).items()}
+
+
+def errors(recipe: Recipe, model: nn.Module, samples: Samples) -> dict[str, Tensor]:
+    """What `judge` is made of: loss.class_sums of all samples, which add up over towns."""
     sums = {"ternary": torch.zeros(2, 3, dtype=torch.float64), "soft": torch.zeros(2, 3, dtype=torch.float64)}
     for output, labels in inferred(recipe, model, samples):
         answer = recipe.label(output)
         for name, label in (("ternary", ternary(labels)), ("soft", soft(labels))):
             sums[name] += class_sums(answer, torch.from_numpy(label))
-    return {name: class_mse(total) for name, total in sums.items()}
+    return sums
 
 
 @torch.inference_mode()

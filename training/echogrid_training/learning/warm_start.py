@@ -27,8 +27,30 @@ def started(path: Path, samples: Samples) -> dict[str, Tensor]:
 
     A norm's scale and shift undo its statistics, so that they change nothing until training moves them. Raises EchogridError.
     """
+    return _state(_folded(path), path, samples)
+
+
+def between(first: Path, second: Path, keep: float, samples: Samples) -> dict[str, Tensor]:
+    """As `started`, of weights that are `keep` times those of `first` and 1 - `keep` times those of `second`, which went on from it.
+
+    What was learned last is kept without losing what came before: Wortsman et al., "Robust fine-tuning of zero-shot models", CVPR 2022,
+    arXiv:2109.01903. Raises EchogridError.
+    """
+    held, other = _folded(first), _folded(second)
+    if {name: one.shape for name, one in held.items()} != {name: one.shape for name, one in other.items()}:
+        raise EchogridError(f"{first}: weights of other names or shapes than in {second}; give float files of the default network")
+    return _state({name: keep * one + (1 - keep) * other[name] for name, one in held.items()}, first, samples)
+
+
+def _folded(path: Path) -> dict[str, Tensor]:
+    """The float weights of a file, by name."""
     OnnxSensorModel(path, GridSpec(), {})  # what the service would not take is said as the service says it
     held = {one.name: torch.from_numpy(numpy_helper.to_array(one).copy()) for one in onnx.load(path).graph.initializer}
+    return {name: one for name, one in held.items() if one.is_floating_point()}
+
+
+def _state(held: dict[str, Tensor], path: Path, samples: Samples) -> dict[str, Tensor]:
+    """`path`: for what is wrong with the weights."""
     model = UNet()
     norms = []
     for name, block in model.named_modules():

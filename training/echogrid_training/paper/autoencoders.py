@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from echogrid.core.evidence.raster import Image
+from echogrid.core.messages import Floats
 from echogrid_training.learning.dataset import Samples
 from echogrid_training.learning.loss import Weighting
 from echogrid_training.learning.recipe import Sensor
-from echogrid_training.learning.train import LOG, Settings, Trained, fit, inferred, judge
+from echogrid_training.learning.train import LOG, MODEL, Settings, Trained, errors, fit, inferred
 from echogrid_training.recording import Track
 
 PAPERS: Mapping[tuple[Sensor, Weighting], tuple[float, float]] = {  # Table I: MSE of free and of occupied cells
@@ -24,16 +26,15 @@ PAPERS: Mapping[tuple[Sensor, Weighting], tuple[float, float]] = {  # Table I: M
     ("radar", "independent"): (0.70, 0.69),
 }
 
-Errors = dict[str, dict[str, float]]  # 'ternary' and 'soft' labels -> class MSE of free, unknown and occupied cells
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Autoencoder:
-    """One of the four: as trained, its errors in the test towns, and its log, a line an epoch."""
+    """One of the four, from one seed: as trained, the errors in each test town, and its log, a line an epoch."""
 
     trained: Trained
-    errors: Errors
+    towns: dict[str, Floats]  # 'ternary' and 'soft' labels -> (T, 2, 3), loss.class_sums of each town
     log: list[dict[str, Any]]
+    sha256: str  # of its file
 
     @property
     def sensor(self) -> Sensor:
@@ -46,7 +47,7 @@ class Autoencoder:
     @property
     def name(self) -> str:
         """Of its folder and its pictures."""
-        return f"{self.sensor}-{self.weighting}"
+        return f"{self.sensor}-{self.weighting}-{self.trained.settings.seed}"
 
     @property
     def title(self) -> str:
@@ -60,18 +61,28 @@ class Autoencoder:
 
 
 def reproduce(
-    learned: Samples, held_out: Samples, test: Samples, settings: Settings, out: Path, *, resume: bool, track: Track
+    learned: Samples, held_out: Samples, towns: Sequence[Samples], settings: Sequence[Settings], out: Path, *, resume: bool, track: Track
 ) -> list[Autoencoder]:
-    """Trains the four in the order of the paper's table, each in a folder of `out` named for it.
+    """Trains the four in the order of the paper's table, from each seed, each in a folder of `out` named for it.
 
-    `settings`: of the paper's network; sensor and weighting are put in here. Raises EchogridError as train.fit does.
+    `settings`: of the paper's network, one for each seed; sensor and weighting are put in here. All four learn from the same samples in the
+    same steps. Raises EchogridError as train.fit does.
     """
-    four = []
+    out_of = []
     digest = learned.digest()
     for sensor, weighting in PAPERS:
-        of_this = replace(settings, sensor=sensor, weighting=weighting)
-        folder = out / f"{sensor}-{weighting}"
-        trained = fit(learned, held_out, of_this, folder, resume=resume, track=track, data_sha256=digest)
-        log = [json.loads(line) for line in (folder / LOG).read_text("utf-8").splitlines()]
-        four.append(Autoencoder(trained, judge(trained.recipe(), trained.model(), test), log))
-    return four
+        for seed in settings:
+            of_this = replace(seed, sensor=sensor, weighting=weighting)
+            folder = out / f"{sensor}-{weighting}-{seed.seed}"
+            trained = fit(learned, held_out, of_this, folder, resume=resume, track=track, data_sha256=digest)
+            log = [json.loads(line) for line in (folder / LOG).read_text("utf-8").splitlines()]
+            sha256 = hashlib.sha256((folder / MODEL).read_bytes()).hexdigest()
+            out_of.append(Autoencoder(trained, judged(trained, towns), log, sha256))
+    return out_of
+
+
+def judged(trained: Trained, towns: Sequence[Samples]) -> dict[str, Floats]:
+    """As Autoencoder.towns."""
+    recipe, model = trained.recipe(), trained.model()
+    sums = [errors(recipe, model, town) for town in towns]
+    return {labels: np.stack([town[labels].numpy() for town in sums]) for labels in ("ternary", "soft")}

@@ -16,6 +16,7 @@ from echogrid_training.learning.loss import CLASSES
 from echogrid_training.paper.autoencoders import Autoencoder
 from echogrid_training.paper.reproduction_pictures import chart, input_picture, map_picture, patch_picture, sheet
 from echogrid_training.paper.reproduction_report import RULES, Part, Reproduction
+from echogrid_training.paper.table_one import table
 from echogrid_training.paper.true_pose_map import Driven, MapErrors, Rule, driven, longest, map_errors, mapped, way_length
 from echogrid_training.recording import Track
 from echogrid_training.truth import ground_truth
@@ -24,16 +25,20 @@ SCENES = 2
 
 
 def reproduction(networks: Sequence[Autoencoder], parts: Mapping[str, Part], track: Track) -> Reproduction:
-    """Of trained networks: all that the page shows, drawn of the drives of the part 'test'. Raises EchogridError."""
-    tested = parts["test"].drives
+    """Of trained networks: all that the page shows, drawn of the drives of the part 'test'; pictures are of the first seed's.
+
+    Raises EchogridError.
+    """
+    lines, tested = table(networks), parts["test"].drives
+    every, networks = networks, [one for one in networks if one.trained.settings.seed == networks[0].trained.settings.seed]
     drive = driven(longest(tested))
     errors, pictures = maps(networks, drive, track)
-    scenes = [richest(load_drive(place)) for place in some(tested, SCENES)]
+    scenes = [richest(load_drive(place, whole=True)) for place in some(tested, SCENES)]
     pictures |= {f"scene-{number}": scene(one, networks) for number, one in enumerate(scenes, 1)}
     pictures |= {"prior": prior(networks)} | curves(networks)
     encoded = {name: png(picture) for name, picture in pictures.items()}
     noted = {name: plans(part.drives) for name, part in parts.items()}
-    return Reproduction(networks, parts, noted, drive.name, way_length(drive.way), errors, encoded)
+    return Reproduction(every, lines, parts, noted, drive.name, way_length(drive.way), errors, encoded)
 
 
 def plans(drives: Sequence[Path]) -> list[str]:

@@ -1,4 +1,4 @@
-"""The reproduction as one HTML page with its pictures inside, and its table in Markdown."""
+"""The reproduction as one HTML page with its pictures inside, and its figures for programs."""
 
 from __future__ import annotations
 
@@ -8,15 +8,19 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from html import escape
 from pathlib import Path
+from typing import Any
 
 from echogrid_training.learning.autoencoder import weight_count
-from echogrid_training.learning.dataset import Samples
-from echogrid_training.learning.loss import CLASSES
-from echogrid_training.paper.autoencoders import PAPERS, Autoencoder
+from echogrid_training.paper import table_one
+from echogrid_training.paper.autoencoders import Autoencoder
+from echogrid_training.paper.table_one import SCHEMES, Line
 from echogrid_training.paper.true_pose_map import CLAMP, MapErrors, Rule
 
-SCHEMES = {"inverse": "inverse class ratio", "independent": "independent class MSE"}
-RULES: Mapping[Rule, str] = {"sum": "sum of the log-odds, the paper's Eq. (1)", "looks": "mean of the looks"}
+RULES: Mapping[Rule, str] = {
+    "endless": "sum of the log-odds, the paper's Eq. (1)",
+    "sum": f"the same within ±{CLAMP}, as the service sums",
+    "looks": "mean of the looks",
+}
 
 STYLE = """
 body { max-width: 1120px; margin: 2em auto; padding: 0 1em; font: 16px/1.5 sans-serif; color: #282c34; background: #fff; }
@@ -28,18 +32,20 @@ th.number, td.number { text-align: right; font-variant-numeric: tabular-nums; }
 figure { margin: 1em 0; }
 figure img { max-width: 100%; height: auto; }
 figcaption { color: #565c66; font-size: 14px; }
-.pair { display: grid; grid-template-columns: 1fr 1fr; gap: 1em; }
-.pair figure { margin: 0; }
+.pair, .three { display: grid; grid-template-columns: 1fr 1fr; gap: 1em; }
+.three { grid-template-columns: 1fr 1fr 1fr; }
+.pair figure, .three figure { margin: 0; }
 code { font-size: 14px; overflow-wrap: anywhere; }
 """
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """Drives of one kind, and all their samples."""
+    """Drives of one kind, how many samples they give, and the sha256 of these."""
 
     drives: list[Path]
-    samples: Samples
+    samples: int
+    sha256: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,52 +53,13 @@ class Reproduction:
     """All that the page says. Pictures are PNG by name: scene-1, scene-2, …, prior, curves-…, map-truth, map-RULE-NETWORK."""
 
     networks: Sequence[Autoencoder]
+    table: Sequence[Line]
     parts: Mapping[str, Part]  # 'learned from', 'validation' and 'test'
     plans: Mapping[str, Sequence[str]]  # of the campaigns that a part's drives are of
     drive: str  # of the maps
     way: float  # m
-    maps: Mapping[tuple[Rule, str], MapErrors]  # by rule and name of the network
+    maps: Mapping[tuple[Rule, str], MapErrors]  # by rule and name of the network, of the first seed's
     pictures: Mapping[str, bytes]
-
-
-def markdown(networks: Sequence[Autoencoder]) -> str:
-    """Table I beside the paper's."""
-    rows = [table_head(), ["---"] * len(table_head()), *table_rows(networks)]
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
-
-
-def table_head() -> list[str]:
-    return ["sensor", "class weights", "paper: free", "paper: occupied", *CLASSES, *(f"soft: {name}" for name in CLASSES)]
-
-
-def table_rows(networks: Sequence[Autoencoder]) -> list[list[str]]:
-    rows = []
-    for network in networks:
-        paper = [f"{value:.2f}" for value in PAPERS[network.sensor, network.weighting]]
-        ours = [_number(network.errors[kind][name]) for kind in ("ternary", "soft") for name in CLASSES]
-        rows.append([network.sensor, SCHEMES[network.weighting], *paper, *ours])
-    return rows
-
-
-def observations(networks: Sequence[Autoencoder]) -> list[tuple[str, bool]]:
-    """What the paper reads off its table, and whether it can be read off ours."""
-    of = {(network.sensor, network.weighting): network.errors["ternary"] for network in networks}
-    found = [
-        (
-            f"{sensor}: the inverse class ratio errs less on free cells and more on occupied ones than the independent class MSE",
-            of[sensor, "inverse"]["free"] < of[sensor, "independent"]["free"]
-            and of[sensor, "inverse"]["occupied"] > of[sensor, "independent"]["occupied"],
-        )
-        for sensor in ("lidar", "radar")
-    ]
-    found += [
-        (
-            f"{SCHEMES[weighting]}: the lidar errs less than the radar, on free and on occupied cells",
-            all(of["lidar", weighting][name] < of["radar", weighting][name] for name in ("free", "occupied")),
-        )
-        for weighting in ("inverse", "independent")
-    ]
-    return found
 
 
 def page(made: Reproduction) -> str:
@@ -124,13 +91,15 @@ paper's recordings are not public. So compare the pattern of the numbers with th
 
 
 def _table(made: Reproduction) -> str:
-    claims = ((claim, "yes" if holds else "no") for claim, holds in observations(made.networks))
+    seeds = made.table[0].seeds
+    spread = f"Means of {seeds} seeds ± their standard deviation; " if seeds > 1 else "One seed; "
     return f"""<h2>Table I: mean squared error by class</h2>
-{_rows(table_rows(made.networks), table_head())}
+{_rows(table_one.rows(made.table), table_one.HEAD)}
 <p>Of tanh(log-odds / 2), pooled over all pixels of the test towns. <i>Free</i>, <i>unknown</i>, <i>occupied</i>: against labels -1, 0 and
-1, as the paper writes its classes. <i>Soft</i>: against labels tanh(L / 2) of the true log-odds L, in classes by their sign. For
+1, as the paper writes its classes. <i>Soft</i>: against labels tanh(L / 2) of the true log-odds L, in classes by their sign. {spread}in
+brackets the middle 95 % of 1,000 draws of the test towns, which say nothing about other seeds. For
 comparison: a network that says <i>unknown</i> everywhere has 1, 0 and 1, one that says <i>free</i> everywhere 0, 1 and 4.</p>
-{_rows(claims, ("what the table shows in the paper", "here too"))}"""
+{_rows(table_one.told(table_one.observations(made.table)), ("what the table shows in the paper", "here too"))}"""
 
 
 def _scenes(made: Reproduction) -> str:
@@ -150,21 +119,28 @@ upper rows above. The prior alone is what a network answers to an image in which
 {_figure(made, "prior", "Answers to an empty image.")}"""
 
 
+def _drawn(made: Reproduction) -> list[Autoencoder]:
+    """Those that maps were made of."""
+    return [network for network in made.networks if ("sum", network.name) in made.maps]
+
+
 def _maps(made: Reproduction) -> str:
     errors = []
-    for network in made.networks:
+    for network in _drawn(made):
         for rule, title in RULES.items():
             of = made.maps[rule, network.name]
             shares = [_share(of.sure), _share(of.sure_and_wrong)]
             errors.append([network.sensor, SCHEMES[network.weighting], title, *shares, _number(of.bits), _number(of.fitted_bits)])
     head = ("sensor", "class weights", "rule", "sure cells", "wrong of those", "bits per cell", "after a fit")
-    figures = "\n".join(_map_pair(made, network) for network in made.networks)
+    figures = "\n".join(_map_row(made, network) for network in _drawn(made))
     return f"""<h2>Large-scale mapping (Fig. 7)</h2>
 <p>The answers along {escape(made.drive)}, with {made.way:.0f} m the longest test drive, combined at the true poses. Over each map, in
 orange, the occupied cells of the true map, and in blue the driven path. Left by the paper's Eq. (1), which adds the log-odds
-of every update, kept within ±{CLAMP} as in the service; right by the rule <code>looks</code>, the mean over the same updates.</p>
+of every update; in the middle the same, kept within ±{CLAMP} as in the service; right by the rule <code>looks</code>, the mean over
+the same updates.</p>
 <p>Eq. (1) treats the answers as independent. They are not: much of an answer is the prior, and every update repeats it. Added some
-dozens of times, it drives a cell to the clamp whether it is right or wrong. The mean counts it once. The table shows how much that is.</p>
+dozens of times it makes nearly every cell sure, whether it is right or wrong; their order it keeps for the most part. The clamp loses the
+order as well: what was said last decides. The mean counts the prior once. The table shows how much that is.</p>
 {_rows(errors, head)}
 <p>Over the cells that both the map and the truth know. Sure: log-odds of {CLAMP} or more by amount, p below 0.03 or above 0.97.
 Bits per cell: what it costs to encode the truth when the map's probability is known; a map that says the share of occupied cells
@@ -174,10 +150,10 @@ since the class weights shift the odds.</p>
 {figures}"""
 
 
-def _map_pair(made: Reproduction, network: Autoencoder) -> str:
+def _map_row(made: Reproduction, network: Autoencoder) -> str:
     scheme = SCHEMES[network.weighting]
-    pair = [_figure(made, f"map-{rule}-{network.name}", f"{network.sensor}, {scheme}: {title}.") for rule, title in RULES.items()]
-    return f'<div class="pair">{"".join(pair)}</div>'
+    figures = [_figure(made, f"map-{rule}-{network.name}", f"{network.sensor}, {scheme}: {title}.") for rule, title in RULES.items()]
+    return f'<div class="three">{"".join(figures)}</div>'
 
 
 def _curves(made: Reproduction) -> str:
@@ -190,27 +166,51 @@ the networks' <code>log.jsonl</code>.</p>
 
 def _settings(made: Reproduction) -> str:
     parts = [
-        (name, str(len(part.drives)), str(len(part.samples)), " ".join(made.plans[name]) or "not noted")
+        (name, str(len(part.drives)), str(part.samples), " ".join(made.plans[name]) or "not noted", part.sha256)
         for name, part in made.parts.items()
     ]
+    names = [(name, ", ".join(drive.name for drive in part.drives)) for name, part in made.parts.items()]
     first = made.networks[0].trained
-    same = [(key, str(value)) for key, value in asdict(first.settings).items() if key not in ("sensor", "weighting")]
+    same = [(key, str(value)) for key, value in asdict(first.settings).items() if key not in ("sensor", "weighting", "seed")]
     runs = [
         (
             network.sensor,
             SCHEMES[network.weighting],
+            str(network.trained.settings.seed),
             str(network.log[-1]["step"]),
             f"{sum(line['seconds'] for line in network.log) / 60:.1f}",
+            network.sha256,
         )
         for network in made.networks
     ]
     return f"""<h2>Settings</h2>
-{_rows(parts, ("drives", "how many", "samples", "plan of their campaign"))}
-<p>Samples are at least 1 m apart. Those learned from and validated on have thinned scans and silent radars in some spells; those tested are
-as the sensors gave them. sha256 of what was learned from: <code>{escape(first.data_sha256)}</code>. Shares of free, unknown and occupied
-cells in it: {", ".join(_number(share) for share in first.shares)}.</p>
-{_rows(same, ("setting", "of all four"))}
-{_rows(runs, ("sensor", "class weights", "steps", "minutes"))}"""
+{_rows(parts, ("drives", "how many", "samples", "plan of their campaign", "sha256 of the samples"))}
+{_rows(names, ("drives", "names"))}
+<p>Samples are at least 1 m apart, and none is disturbed. A sample's lidar turn is the newest at that time, at most 0.1 s old. Labels are
+the whole true patch. Shares of free, unknown and occupied cells in what was learned from:
+{", ".join(_number(share) for share in first.shares)}.</p>
+{_rows(same, ("setting", "of all"))}
+{_rows(runs, ("sensor", "class weights", "seed", "steps", "minutes", "sha256 of model.pt"))}"""
+
+
+def figures(made: Reproduction) -> dict[str, Any]:
+    """All of the page's numbers, as JSON knows them."""
+    parts = {
+        name: {"drives": [drive.name for drive in part.drives], "samples": part.samples, "sha256": part.sha256, "plans": made.plans[name]}
+        for name, part in made.parts.items()
+    }
+    maps = {
+        f"{name}, {rule}": {key: None if math.isnan(value) else value for key, value in asdict(errors).items()}
+        for (rule, name), errors in made.maps.items()
+    }
+    return {
+        "table": table_one.figures(made.table),
+        "observations": [{"claim": claim, "holds": holds, "draws": share} for claim, holds, share in table_one.observations(made.table)],
+        "settings": asdict(made.networks[0].trained.settings),
+        "networks": {network.name: {"sha256": network.sha256, "log": network.log} for network in made.networks},
+        "parts": parts,
+        "maps": {"drive": made.drive, "way": made.way} | maps,
+    }
 
 
 def _rows(rows: Iterable[Sequence[str]], head: Sequence[str]) -> str:

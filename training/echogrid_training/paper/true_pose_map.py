@@ -1,11 +1,12 @@
-"""The paper's large-scale map: a network's answers along a drive, put together at the true poses by one of two rules.
+"""The paper's large-scale map: a network's answers along a drive, put together at the true poses by one of three rules.
 
-`sum` is the paper's Eq. (1), `looks` the mean of the looks (docs/fusion.md). Both take the same updates, at most four of every half metre,
-so that they differ in the rule alone.
+`endless` is the paper's Eq. (1), `sum` the same within a clamp, as in the service, `looks` the mean of the looks (docs/fusion.md). All take
+the same updates, at most four of every half metre, so that they differ in the rule alone.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,7 +28,7 @@ from echogrid_training.learning.logistic import fit_logistic
 from echogrid_training.truth.ground_truth import TruthMap
 from echogrid_training.truth.simulated_truth import load_simulated_truth
 
-Rule = Literal["sum", "looks"]
+Rule = Literal["endless", "sum", "looks"]
 CLAMP = 3.5  # log-odds that a sum is kept within, as in the service
 
 
@@ -48,7 +49,7 @@ class Driven:
 
 def driven(drive: Path) -> Driven:
     """All updates that the default map takes. Raises EchogridError."""
-    cut = list(samples(drive, spacing=0.0))
+    cut = list(samples(drive, spacing=0.0, whole=True))
     if not cut:
         raise EchogridError(f"{drive}: gives no map update within the time of its truth, expected a drive to map")
     truth = load_simulated_truth(find_drive(drive, None).truth).map
@@ -69,8 +70,8 @@ def mapped(answers: Image, poses: Sequence[SE2], truth: TruthMap, rule: Rule) ->
     """The map of answers (n, 128, 128) at n poses, on the cells of the true one; 0 where nothing was said."""
     column, row = (round(place / truth.cell) for place in truth.origin)
     where = (row, column, *truth.log_odds.shape)
-    if rule == "sum":
-        total = OccupancyMap(SPEC, CLAMP)
+    if rule != "looks":
+        total = OccupancyMap(SPEC, CLAMP if rule == "sum" else math.inf)
         for answer, pose in zip(answers, poses, strict=True):
             total.integrate(answer, pose)
         return total.window(*where)

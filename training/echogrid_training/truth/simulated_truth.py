@@ -1,4 +1,4 @@
-"""The truth of a simulated drive as its folder holds it: poses, the true map, and some turns of the lidar."""
+"""The truth of a simulated drive as its folder holds it: poses, the true map, and the turns of the lidar."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ class SimulatedTruth:
         return SE2(*(float(np.interp((stamp_ns - self.stamp_ns[0]) * 1e-9, seconds, column)) for column in self.poses.T))
 
     def lidar_at(self, stamp_ns: int) -> Floats:
-        """(B,) m: the nearest turn in time."""
-        nearest: Floats = self.lidar.ranges[self._turn(stamp_ns)]
-        return nearest
+        """(B,) m: the newest turn."""
+        newest: Floats = self.lidar.ranges[self._turn(stamp_ns)]
+        return newest
 
     def lidar_points(self, stamp_ns: int, truth_from_base: SE2) -> Floats:
-        """(N, 2) m: the returns of the nearest turn in time, in base at `truth_from_base`."""
+        """(N, 2) m: the returns of the newest turn, in base at `truth_from_base`."""
         turn = self._turn(stamp_ns)
         ranges, there = self.lidar.ranges[turn], self.pose(int(self.lidar.stamp_ns[turn]))
         if there is None:
@@ -50,7 +50,8 @@ class SimulatedTruth:
         return truth_from_base.inverse().apply(points)
 
     def _turn(self, stamp_ns: int) -> int:
-        return int(np.abs(self.lidar.stamp_ns - stamp_ns).argmin())
+        """Of the turns that were over at this time the last, as a map update has the radars' last scans; before the first turn that one."""
+        return max(int(np.searchsorted(self.lidar.stamp_ns, stamp_ns, side="right")) - 1, 0)
 
 
 def load_simulated_truth(path: Path) -> SimulatedTruth:

@@ -6,8 +6,9 @@ from bisect import bisect_right
 from dataclasses import dataclass
 
 from echogrid.core.messages import EgoMotion, Speed, YawRate
+from echogrid.core.motion.error_filter import ErrorFilter
 from echogrid.core.motion.se2 import IDENTITY, SE2, arc
-from echogrid.core.motion.yaw_bias import YawBias
+from echogrid.core.motion.standstill import Standstill
 
 NS = 1e-9
 STANDSTILL = 0.02  # m/s: below, the wheels stand still and the yaw rate is only bias and noise
@@ -30,13 +31,21 @@ class EgoState:
 class Odometry:
     """Remembers the newest speed and yaw rate, and the states of the last `history` seconds.
 
-    Each sample ends an arc on which speed and yaw rate have the mean of their values at its ends. While the wheels stand, yaw is frozen
-    and the yaw rate's bias is learned. Before both were seen once there is
-    no pose. A value of one kind is held for `max_hold` after its last sample, then there is no pose until it is back. A silence longer than
-    `max_gap` is not bridged: the pose stays where it was, and `gaps` counts it.
+    Each sample ends an arc on which speed and yaw rate have the mean of their values at its ends, without what `errors` knows them to be
+    off by. While the wheels stand, yaw is frozen. Before both were seen once there is no pose. A value of one kind is held for `max_hold`
+    after its last sample, then there is no pose until it is back. A silence longer than `max_gap` is not bridged: the pose stays where it
+    was, and `gaps` counts it.
     """
 
-    def __init__(self, history: float = 2.0, max_gap: float = 0.5, max_extrapolation: float = 0.1, max_hold: float = 0.2) -> None:
+    def __init__(
+        self,
+        errors: ErrorFilter | None = None,
+        history: float = 2.0,
+        max_gap: float = 0.5,
+        max_extrapolation: float = 0.1,
+        max_hold: float = 0.2,
+    ) -> None:
+        self.errors = ErrorFilter(()) if errors is None else errors
         self.history_ns = round(history / NS)
         self.max_gap_ns = round(max_gap / NS)
         self.max_extrapolation_ns = round(max_extrapolation / NS)
@@ -46,7 +55,7 @@ class Odometry:
         self.states: list[EgoState] = []
         self.distance = 0.0  # m, travelled, forward and backward alike
         self.gaps = 0
-        self.yaw_bias = YawBias()
+        self.standstill = Standstill()
 
     def add(self, motion: EgoMotion) -> bool:
         """Moves to the sample's time. False, and nothing changes, where the sample is not newer than the last of its kind.
@@ -61,18 +70,21 @@ class Odometry:
         else:
             self.yaw_rate = motion
             standing = self.speed is not None and abs(self.speed.speed) < STANDSTILL
-            self.yaw_bias.add(motion.stamp_ns, motion.yaw_rate, standing=standing)
+            stood = self.standstill.add(motion.stamp_ns, motion.yaw_rate, standing=standing)
+            if stood is not None:
+                self.errors.stood(*stood)
         if self.speed is None or self.yaw_rate is None:
             return True
         if abs(self.speed.stamp_ns - self.yaw_rate.stamp_ns) <= self.max_hold_ns:
-            self._move(motion.stamp_ns, self.speed.speed, self.yaw_rate.yaw_rate - self.yaw_bias.bias)
+            self._move(motion.stamp_ns, self.speed, self.yaw_rate.yaw_rate)
         return True
 
     def restart(self) -> None:
-        """There is no pose until speed and yaw rate are known again, and then it is the identity. The yaw rate's bias stays."""
+        """There is no pose until speed and yaw rate are known again, and then it is the identity. What was learned of them stays."""
         self.speed = self.yaw_rate = None
         self.states = []
-        self.yaw_bias.restart()
+        self.standstill.restart()
+        self.errors.restart()
 
     def at(self, stamp_ns: int) -> EgoState | None:
         """The state at a time: on the arc between two samples, or a little past the newest. None outside."""
@@ -98,8 +110,9 @@ class Odometry:
             before.yaw_rate + share * (after.yaw_rate - before.yaw_rate),
         )
 
-    def _move(self, stamp_ns: int, speed: float, yaw_rate: float) -> None:
-        if abs(speed) < STANDSTILL:
+    def _move(self, stamp_ns: int, wheels: Speed, gyro: float) -> None:
+        speed, yaw_rate = self.errors.corrected(wheels.speed, gyro)
+        if abs(wheels.speed) < STANDSTILL:
             yaw_rate = 0.0
         if not self.states:
             self.states.append(EgoState(stamp_ns, IDENTITY, speed, yaw_rate))
@@ -115,6 +128,7 @@ class Odometry:
             mean = _mean_motion(before, speed, yaw_rate, stamp_ns)
             pose = mean.ahead(step_ns)
             self.distance += abs(mean.speed) * step_ns * NS
+            self.errors.travel(before.odom_from_base, pose, step_ns * NS, wheels.speed, gyro, wheels.difference)
         self.states.append(EgoState(stamp_ns, pose, speed, yaw_rate))
         if stamp_ns - self.states[0].stamp_ns > 2 * self.history_ns:  # cut in large pieces: cutting a list moves all of it
             keep = bisect_right(self.states, stamp_ns - self.history_ns, key=lambda state: state.stamp_ns)

@@ -28,6 +28,7 @@ AGREED = 0.5  # share of that difference below which it is not disputed any more
 MOST = 2.0  # of that difference, which one comparison can show
 BETTER = 1.5  # so many times as many detections must fit what differs by more
 SUPPORT = 0.5  # share of the detections that must support another motion
+BROAD = 0.1  # breadth that they must have: ahead alone, traffic that goes along outvotes what stands
 
 
 class Verdict(Enum):
@@ -137,7 +138,7 @@ class MotionWatch:
         `disputed` is set when they differ so much on average, and ends when they no longer do, or when both say that the car stands. It
         tells the values of a time at which they differed.
         """
-        if seen is None or seen.support < SUPPORT:
+        if seen is None or seen.support < SUPPORT or seen.breadth < BROAD:
             return False
         step = 0.0 if self._compared_ns is None else min(max(stamp_ns - self._compared_ns, 0) * NS, LONGEST_STEP)
         self._compared_ns = stamp_ns

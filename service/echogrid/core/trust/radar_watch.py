@@ -50,6 +50,8 @@ class RadarWatch:
         self.sees = 1.0  # its detections of the last second, as a share of the usual
         self._heard = self._window = _counters(health)  # counters at `heard_ns`, and when the running window began
         self._window_ns: int | None = None
+        self._longest_ns = 0  # silence in the running window, which is spoken of while it lasts
+        self._lost = self._lost_then = 0  # scans lost in the running window but for that silence, and in it
         self._usual_rate = 0.0  # complete scans in a second
         self._last: RadarScan | None = None
         self._repeated = 0
@@ -65,24 +67,32 @@ class RadarWatch:
     def hear(self, scan: RadarScan) -> None:
         """A complete scan has come: counts what was lost around it, and what in it cannot be true."""
         now_ns = scan.received_ns
-        silent = self.heard_ns is None or now_ns - self.heard_ns > SILENT_NS
+        away_ns = 0 if self.heard_ns is None else now_ns - self.heard_ns
         step = LONGEST_STEP if self.heard_ns is None else min((now_ns - self.heard_ns) * NS, LONGEST_STEP)
         wild = 0.0 if not len(scan) else 1.0 - self._possible(scan) / len(scan)
         self._wild += (wild - self._wild) * (1.0 - math.exp(-step / SHORT))
         if not WILD / 2 < self._wild < WILD:
             self.doubt("wild", self._wild >= WILD, f"broken: {self._wild:.0%} of its values are out of range")
-        self.heard_ns, self._heard = now_ns, _counters(self.health)
-        if silent or self._window_ns is None:
-            self._window_ns, self._window, self.scarce = now_ns, self._heard, None
-        elif now_ns - self._window_ns >= WINDOW_NS:
-            seconds = (now_ns - self._window_ns) * NS
+        before, self.heard_ns, self._heard = self._heard, now_ns, _counters(self.health)
+        if self._window_ns is None:
+            self._begin_window(now_ns)
+            return
+        lost = max(sum(self._heard[key] - before[key] for key in ("incomplete", "late", "bad_crc")), scan.missed)
+        if away_ns > max(self._longest_ns, SILENT_NS):
+            self._longest_ns, self._lost_then, lost = away_ns, lost, self._lost_then
+        self._lost += lost
+        seconds = (now_ns - self._window_ns - self._longest_ns) * NS
+        if seconds >= WINDOW_NS * NS:
             complete = self._heard["complete"] - self._window["complete"]
-            lost = sum(self._heard[key] - self._window[key] for key in ("incomplete", "late", "bad_crc"))
-            share = complete / max(self._usual_rate * seconds, complete + lost)
+            share = complete / max(self._usual_rate * seconds, complete + self._lost)
             self.scarce = f"only {share:.0%} of its scans come whole{self._losses(self._window)}" if share < SCARCE else None
             if self.scarce is None:
                 self._usual_rate = max(complete / seconds, 0.9 * self._usual_rate)
-            self._window_ns, self._window = now_ns, self._heard
+            self._begin_window(now_ns)
+
+    def _begin_window(self, now_ns: int) -> None:
+        self._window_ns, self._window = now_ns, self._heard
+        self._longest_ns = self._lost = self._lost_then = 0
 
     def look(self, scan: RadarScan, speed: float) -> None:
         """A scan that was placed, with its detections at any distance, and the car's speed."""
@@ -96,7 +106,8 @@ class RadarWatch:
         self._usual_lag = scan.lag if self._usual_lag is None else self._usual_lag
         lag = scan.lag - self._usual_lag
         self._usual_lag += lag * step / FORGIVEN  # a sender that restarted is trusted again after a while
-        self.doubt("lags", abs(lag) > AGE_SHIFT, f"shifted in time: its scans come {lag * 1e3:.0f} ms later than their counter says")
+        when = "later" if lag > 0 else "earlier"
+        self.doubt("lags", abs(lag) > AGE_SHIFT, f"shifted in time: its scans come {abs(lag) * 1e3:.0f} ms {when} than their counter says")
         self._last = scan
         self._watched += step
         usual = step / min(max(self._watched, step, 1e-3), USUAL)  # a plain mean at first

@@ -27,6 +27,7 @@ ODD, FINE = 0.3, 0.5  # share of detections that fit ego motion: below ODD a rad
 COULD_SEE = 30.0  # detections that a radar missed where others, or itself before, had measured something: then it is blind
 KNOWN_NS = 3_000_000_000  # over which such places are remembered
 EXPLAINS = 0.5  # share that another mount must explain: what sees nothing but traffic is not mounted wrong
+WIDE = 0.25  # rad of spread that azimuths must have: traffic ahead, as fast as the car, looks like things abeam
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +83,7 @@ class Watch:
             share = radar.agreement
             if share is not None and share >= FINE:
                 radar.doubt("odd", False, "")
-            elif share is not None and share < ODD and len(one.scan):
+            elif share is not None and share < ODD and len(one.scan) and float(np.std(one.scan.azimuth)) > WIDE:
                 other = other_mount(one.scan, one.mount, one.ego, self.noise)
                 mount = f"yaw {other.yaw_deg:.0f}°{', azimuth reversed' if other.mirrored else ''} ({other.share:.0%})"
                 if other.share >= EXPLAINS:

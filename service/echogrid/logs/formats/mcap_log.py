@@ -27,7 +27,7 @@ BUSES = "/can/"  # what topics with frames begin with; the bus's name follows
 MOST_NAMED = 8  # channels that a sentence names
 
 _HEAD = struct.Struct("<BQ")  # what every record begins with: opcode, size of the rest
-_MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time; behind them the payload
+MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time; behind them the payload
 
 
 class McapLog:
@@ -46,40 +46,23 @@ class McapLog:
     def __iter__(self) -> Iterator[can.Message]:
         if self._file.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
             raise ValueError("it is not an MCAP file: it starts with other bytes")
-        for opcode, body in self._all_records():
+        for opcode, body in all_records(self._file):
             if opcode == Opcode.MESSAGE:
-                channel = _MESSAGE.unpack_from(body)[0]
+                channel = MESSAGE.unpack_from(body)[0]
                 if channel in self._buses:
-                    yield decode_frame(body[_MESSAGE.size :], self._buses[channel])
+                    yield decode_frame(body[MESSAGE.size :], self._buses[channel])
             elif opcode == Opcode.SCHEMA:
-                schema = Schema.read(_stream(body))
+                schema = Schema.read(stream(body))
                 ours = schema.name == CAN_FRAME and schema.data == definition(CAN_FRAME).encode()
                 self._schemas[schema.id] = schema.name[:LONGEST_NAME], ours
             elif opcode == Opcode.CHANNEL:
-                self._add(Channel.read(_stream(body)))
+                self._add(Channel.read(stream(body)))
         if not self._buses:
             found = ", ".join(self._channels[:MOST_NAMED]) + (", ..." if len(self._channels) > MOST_NAMED else "")
             raise EchogridError(
                 f"{self._file.name}: holds no CAN frames: its channels are {found or 'none'}; expected one of type {CAN_FRAME}, "
                 "as `echogrid run --record` and `echogrid replay --record` write it"
             )
-
-    def _all_records(self) -> Iterator[tuple[int, bytes]]:
-        """Opcode and body of every record but those of the summary; those within chunks among them."""
-        left = MOST_BYTES
-        for opcode, body in _records(self._file):
-            if opcode == Opcode.DATA_END:
-                return
-            left += MOST_UNPACKED * len(body)
-            if opcode != Opcode.CHUNK:
-                yield opcode, body
-                continue
-            data = _unpacked(Chunk.read(_stream(body)))
-            left -= len(data)
-            if left < 0:
-                raise ValueError(f"it unpacks to more than {MOST_UNPACKED} times its size")
-            yield from _records(BytesIO(data))
-        raise ValueError("it was not closed, its last part may be missing")
 
     def _add(self, channel: Channel) -> None:
         name, ours = self._schemas.get(channel.schema_id, ("no type", False))
@@ -96,6 +79,27 @@ class McapLog:
         self._buses[channel.id] = called
 
 
+def all_records(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
+    """Opcode and body of every record but those of the summary, those within chunks among them; `file` stands behind the magic.
+
+    Raises ValueError for a torn end and what is too large, and what else its libraries stumble over.
+    """
+    left = MOST_BYTES
+    for opcode, body in _records(file):
+        if opcode == Opcode.DATA_END:
+            return
+        left += MOST_UNPACKED * len(body)
+        if opcode != Opcode.CHUNK:
+            yield opcode, body
+            continue
+        data = _unpacked(Chunk.read(stream(body)))
+        left -= len(data)
+        if left < 0:
+            raise ValueError(f"it unpacks to more than {MOST_UNPACKED} times its size")
+        yield from _records(BytesIO(data))
+    raise ValueError("it was not closed, its last part may be missing")
+
+
 def _records(file: BinaryIO | BytesIO) -> Iterator[tuple[int, bytes]]:
     """Opcode and body, up to the file's end."""
     while head := file.read(_HEAD.size):
@@ -108,7 +112,7 @@ def _records(file: BinaryIO | BytesIO) -> Iterator[tuple[int, bytes]]:
         yield opcode, body
 
 
-def _stream(body: bytes) -> ReadDataStream:
+def stream(body: bytes) -> ReadDataStream:
     return ReadDataStream(BytesIO(body))
 
 

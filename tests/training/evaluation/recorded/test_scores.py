@@ -15,6 +15,8 @@ from echogrid.core.motion.odometry import EgoState
 from echogrid.core.motion.se2 import SE2
 from echogrid_training.evaluation.recorded.comparison import compared
 from echogrid_training.evaluation.recorded.scores import (
+    FREE,
+    OCCUPIED,
     Rectangle,
     above,
     at_area,
@@ -81,7 +83,7 @@ def test_maps_that_rank_alike_are_equal_at_equal_areas() -> None:
     nothing = np.zeros(log_odds.shape, dtype=bool)
     yardstick, mine = (say(one, WHERE, nothing, left_out) for one in (log_odds, other))
     expected = compared(yardstick, yardstick, None)
-    occupied, free = occupied_at(yardstick, 0.85), free_at(yardstick, -1.5)
+    occupied, free = occupied_at(yardstick, OCCUPIED), free_at(yardstick, FREE)
     for found in (expected, compared(mine, yardstick, None)):
         for one in (found.equal_area, found.equal_share):
             assert (one.covered_m2, one.covered_share, one.recall) == (occupied.covered_m2, occupied.covered_share, occupied.recall)

@@ -13,7 +13,7 @@ from tests.support.networks import logits
 from echogrid.core.evidence.history_raster import CHANNELS, COUNT
 from echogrid.core.evidence.inverse_sensor_model import BeamModel
 from echogrid_training.evaluation.metrics import average_precision
-from echogrid_training.evaluation.simulated.baselines import BASELINES, Counting, Delta, Elfes, NearestFill, mean_patch
+from echogrid_training.evaluation.simulated.baselines import BASELINES, Counting, Delta, Elfes, NearestFill, mean_patch, observations
 from echogrid_training.evaluation.simulated.learned import File, networks
 from echogrid_training.evaluation.simulated.patches import Patch, patches
 from echogrid_training.evaluation.simulated.tape import Tape
@@ -87,6 +87,19 @@ def test_elfes_of_the_history_is_the_sum_of_its_parts(patch: Patch) -> None:
     whole = Elfes(True, beam, 1e3)(patch).scores
     np.testing.assert_allclose(whole, sum(Elfes(True, beam, 1e3)(part).scores for part in parts), atol=1e-4)
     np.testing.assert_allclose(Elfes(True, beam, 2.0)(patch).scores, np.clip(whole, -2, 2), atol=1e-6)
+
+
+def test_regressions_are_given_every_cell_that_was_hit_and_as_many_free_ones(patch: Patch) -> None:
+    """Free ones lie along rays, not where the ray ends: hardly any of them where truth has a wall."""
+    cells, values = observations(patch)
+    hit = SPEC.locate(patch.around.past.points)
+    assert set(cells[values > 0].tolist()) == set(hit[hit >= 0].tolist())
+    assert len(set(hit.tolist())) > 250
+    assert (values > 0).sum() == (values < 0).sum()
+    truth = patch.place.truth.reshape(-1)
+    free = cells[values < 0]
+    assert (truth[free] < 0).mean() > 0.9
+    assert (truth[cells[values > 0]] > 0).mean() > 0.3
 
 
 def test_the_mean_patch_is_what_was_where(patch: Patch) -> None:

@@ -1,4 +1,4 @@
-"""The upper bound: an autoencoder that is shown the lidar's image."""
+"""An autoencoder that is shown the lidar's image, beside those of the radars'."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import torch
 from tests.support.rectangles import rectangles
 
 from echogrid.errors import EchogridError
-from echogrid_training.evaluation.simulated.learned import File, LidarNetwork, networks, upper_bounds
+from echogrid_training.evaluation.simulated.learned import File, LidarNetwork, lidar_networks, networks
 from echogrid_training.evaluation.simulated.patches import patches
 from echogrid_training.evaluation.simulated.tape import load_tape
 from echogrid_training.learning.train import Settings, Trained, fit
@@ -39,7 +39,7 @@ def test_it_is_shown_the_lidars_returns_and_nothing_of_the_radars(trained: tuple
 def test_it_is_apart_from_what_the_service_can_run(trained: tuple[Trained, Path], network_file: Path) -> None:
     files = [File("lidar", trained[1] / "model.pt"), File("tiny", network_file)]
     assert set(networks(files, {})) == {("tiny", 0)}
-    assert set(upper_bounds(files)) == {("lidar", 0)}
+    assert set(lidar_networks(files)) == {("lidar", 0)}
 
 
 def test_a_radars_network_is_refused(tmp_path: Path) -> None:

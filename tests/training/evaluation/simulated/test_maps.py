@@ -12,15 +12,18 @@ from tests.support.networks import paper, write
 
 from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
+from echogrid.core.evidence.inverse_sensor_model import BeamModel
 from echogrid.core.messages import RadarScan
 from echogrid.logs.drive import find_drive
 from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
 from echogrid_training.evaluation.simulated import probes
+from echogrid_training.evaluation.simulated.baselines import Elfes
 from echogrid_training.evaluation.simulated.learned import File, Key, Network, networks
 from echogrid_training.evaluation.simulated.maps import (
     ELFES,
     GEOMETRY,
+    TUNED,
     Geometry,
     Row,
     View,
@@ -30,6 +33,10 @@ from echogrid_training.evaluation.simulated.maps import (
     rows,
 )
 from echogrid_training.evaluation.simulated.tape import Tape, play
+
+OTHERS = tuple(
+    Elfes(False, BeamModel(free=free, beam_sigma=sigma), clamp) for free, sigma, clamp in ((-0.3, 0.04, 2.0), (-0.12, 0.018, 1e6))
+)
 
 
 @pytest.fixture(scope="module")
@@ -41,14 +48,15 @@ def learned(room_tape: Tape, network_file: Path, tmp_path_factory: pytest.TempPa
 
 @pytest.fixture(scope="module")
 def driven(room_tape: Tape, learned: dict[Key, Network]) -> tuple[list[Row], list[View]]:
-    of = rows(room_tape, Geometry(room_tape), learned)
+    of = rows(room_tape, Geometry(room_tape), learned, OTHERS)
     return of, list(drive_through(room_tape, of))
 
 
-def served(folder: Path, model: str, fusion: Literal["sum", "looks"]) -> Pipeline:
+def served(folder: Path, model: str, fusion: Literal["sum", "looks"], clamp: float = 3.5, **beam: float) -> Pipeline:
     drive = find_drive(folder, None)
     config = load_config(drive.config, model)
-    config = msgspec.structs.replace(config, map=msgspec.structs.replace(config.map, fusion=fusion))
+    config = msgspec.structs.replace(config, map=msgspec.structs.replace(config.map, fusion=fusion, clamp=clamp))
+    config = msgspec.structs.replace(config, sensor_model=msgspec.structs.replace(config.sensor_model, **beam))
     pipeline = Pipeline(config, drive.config)
     for message in Log(drive.log):
         pipeline.add(bus_of(message, config.bus) or "", message)
@@ -68,6 +76,30 @@ def test_maps_are_the_services(room_drive: Path, driven: tuple[list[Row], list[V
         row, column, log_odds = by_key[key].whole()
         assert (row, column) == expected.whole()[:2]
         np.testing.assert_array_equal(log_odds, expected.whole()[2], err_msg=str(key))
+
+
+def test_a_sum_without_clamp_is_the_services_with_a_clamp_that_nothing_reaches(
+    room_drive: Path, driven: tuple[list[Row], list[View]], learned: dict[Key, Network]
+) -> None:
+    by_key = {row.key: row.mapper.map for row in driven[0]}
+    other = str(learned["paper", 0].model.path)
+    found = by_key["paper, sum without clamp", 0].whole()[2]
+    np.testing.assert_array_equal(found, served(room_drive, other, "sum", 1e6).mapper.map.whole()[2])
+    assert np.abs(found).max() > 10 * 3.5
+    assert np.abs(by_key["paper, sum", 0].whole()[2]).max() == 3.5
+
+
+def test_other_beams_and_clamps_are_what_the_service_makes_of_them(room_drive: Path, driven: tuple[list[Row], list[View]]) -> None:
+    of = {row.key: row for row in driven[0]}
+    for index, elfes in enumerate(OTHERS):
+        beam = {"free": elfes.beam.free, "beam_sigma_deg": float(np.degrees(elfes.beam.beam_sigma))}
+        expected = served(room_drive, "analytic", "sum", elfes.clamp, **beam).mapper.map
+        row, column, log_odds = expected.whole()
+        found = of[TUNED, index]
+        assert not found.published
+        window = found.read(found.mapper.map.window_of_layers(row, column, *log_odds.shape))
+        np.testing.assert_allclose(window, log_odds, atol=1e-5)
+        assert np.count_nonzero(window) == np.count_nonzero(found.mapper.map.window_of_layers(*found.mapper.map.bounds())[index])
 
 
 def test_views_are_five_metres_apart_and_then_of_the_finished_map(driven: tuple[list[Row], list[View]]) -> None:
@@ -91,7 +123,7 @@ def test_layers_alone(driven: tuple[list[Row], list[View]]) -> None:
     layers = np.array((6.0, 2.0, 0.0, 0.0, 5.0), dtype=np.float32)[:, None, None]
     assert learned_layer(layers) == 3.0
     assert geometric_layer(layers) < -0.5  # five looks passed
-    assert [row.published for row in of] == [True, True, True, False, False, True, True, False]
+    assert [row.published for row in of] == [True, False, False, *(True, True, False, False), False, *(True, True, False, False)]
 
 
 def test_a_standing_car_learns_nothing_by_looks(room_tape: Tape, learned: dict[Key, Network], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,7 +145,7 @@ def test_what_a_standing_car_hears(room_tape: Tape) -> None:
         assert not any(scan.range_rate.any() for scan in scans)
         last = {scan.sensor: scan for scan in heard}
         assert all(scan.range is last[scan.sensor].range for scan in scans)
-    (row,) = rows(room_tape, Geometry(room_tape), {})
+    (row,) = rows(room_tape, Geometry(room_tape), {}, ())
     list(play([*before, *probes.braking(before)], [row.mapper]))
     there = row.mapper.odometry.states[-1]  # where the braking ends
     places = [ego.odom_from_base for events in seconds for ego in play(events, [row.mapper])]
@@ -130,7 +162,7 @@ def test_a_cold_start_is_judged_as_looks_come(room_tape: Tape, learned: dict[Key
 
 
 def test_the_second_time_round_adds_to_the_same_map(room_tape: Tape) -> None:
-    of = rows(room_tape, Geometry(room_tape), {})
+    of = rows(room_tape, Geometry(room_tape), {}, ())
     first = [view for view in drive_through(room_tape, of) if view.level == "finished"]
     second = list(probes.revisits(room_tape, of))
     assert [view.level for view in second] == ["revisited"] * len(first)

@@ -11,7 +11,7 @@ from tests.support.tiny_towns import room, town, track
 from echogrid_training.evaluation.metrics import iou, overlaps
 from echogrid_training.evaluation.simulated import calibrating, sweep
 from echogrid_training.evaluation.simulated.calibrating import Plan, planned, shown
-from echogrid_training.evaluation.simulated.maps import ELFES
+from echogrid_training.evaluation.simulated.maps import ELFES, TUNED
 from echogrid_training.evaluation.simulated.sweep import LOST, OTHERS, SEED, Point, curves, episode, points, swept
 from echogrid_training.sensors.episode import paper_like
 
@@ -52,7 +52,7 @@ def test_a_drive_is_made_once_and_judged_by_patches_and_maps(plan: Plan, tmp_pat
     assert set(elsewhere[1]) == {"around"}
     found = curves([first, elsewhere, second])["silent radars"]["2"]
     assert found == curves([first, elsewhere])["silent radars"]["2"]  # the same drive twice is the same figures
-    assert [set(methods) for methods in found.values()] == [{"Elfes, 15 m"}, {ELFES}, {ELFES}, {ELFES}]
+    assert [set(methods) for methods in found.values()] == [{"Elfes, 15 m"}, *[{ELFES, TUNED}] * 3]
     assert 0 < found["AP"]["Elfes, 15 m"] < 1
     # The other town is the same here: its best threshold is the best there is.
     tally = first[1]["around"][ELFES, 0]

@@ -13,12 +13,11 @@ from echogrid_training.evaluation.simulated.tally import (
     by_stratum,
     class_errors,
     figures,
-    interval,
     resampled,
-    resamples,
     summed,
     tally,
 )
+from echogrid_training.learning.resampling import interval, resamples
 from echogrid_training.truth.ground_truth import soft, ternary
 
 SIDE = 24
@@ -67,7 +66,12 @@ def test_figures_are_those_of_all_cells_together(windows: list[tuple[np.ndarray,
 def test_what_is_published_is_judged_where_something_is(windows: list[tuple[np.ndarray, np.ndarray, Place]], tallies: list[Tally]) -> None:
     raw = np.concatenate([scores[place.counted] for scores, _, place in windows])
     _, occupied = pooled(windows)
-    assert figures(summed(tallies))["published_nll"] == pytest.approx(surprise(raw[raw != 0], occupied[raw != 0]).mean())
+    found = figures(summed(tallies))
+    assert found["published_nll"] == pytest.approx(surprise(raw[raw != 0], occupied[raw != 0]).mean())
+    sure = np.abs(raw) >= 3.5
+    assert 0 < sure.sum() < len(raw)
+    assert found["sure"] == pytest.approx(sure.sum() / (raw != 0).sum())
+    assert found["sure_and_wrong"] == pytest.approx(((raw > 0) != occupied)[sure].mean())
 
 
 def test_class_errors_cell_by_cell(windows: list[tuple[np.ndarray, np.ndarray, Place]]) -> None:

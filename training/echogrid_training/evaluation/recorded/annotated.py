@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from echogrid.core.map.tiled_map import LogOdds, probability
+from echogrid.core.map.tiled_map import FREE, LogOdds, probability
 from echogrid.core.messages import Floats
 from echogrid.core.motion.odometry import EgoState
 from echogrid_training.evaluation.metrics import average_precision, calibration_error, ratio, reliability, surprise
@@ -24,7 +24,6 @@ from echogrid_training.sources import load_npz
 HALF = 15.0  # m, of the patch
 DRIVEN = (-0.9, 3.7, 1.1)  # m in base: from, to, and to each side of what the car drives over
 SILENT = -4.0  # log-odds where a map says nothing, for rank and NLL: about the share of occupied cells
-FREE = 0.1  # a cell is called free below
 FACE, LEAST_FACE = 0.25, 2  # m beside its box within which an occupied cell is an object's, cells of it that have to be seen
 CONE = "trafficcone"  # in the kind of what a radar hardly sees
 KEYS = ("truth", "origin", "cell", "pose_ns", "pose", "static_box_corners", "static_kind")
@@ -141,7 +140,7 @@ def score(log_odds: LogOdds, where: Rectangle, of: Asked) -> Scene:
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """Of all scenes together; `ap_ratio` is the mean over scenes of the ratio to the yardstick's, `ap_least` the least. NaN of nothing."""
+    """Of all scenes together; `ap` is the mean over scenes. NaN of nothing."""
 
     found: float = field(metadata={"title": "objects found"})
     lost: float = field(metadata={"title": "objects called free"})
@@ -158,7 +157,7 @@ class Figures:
 
 TITLES = {one.name: one.metadata["title"] for one in fields(Figures)}
 # A map that holds on roads keeps within these. `found` is a share of what the analytic model finds, `ap` a multiple of its.
-LEAST = {"found": 0.95, "free_called_free": 0.75, "ap": 1.4}
+LEAST = {"found": 0.95, "free_called_free": 0.75, "ap": 1.9}
 MOST = {
     "lost": 0.09,
     "lost_large": 0.01,

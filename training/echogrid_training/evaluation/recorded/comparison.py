@@ -153,6 +153,34 @@ def by_rule(path: Path, model: str, fusion: str) -> Config:
     return msgspec.structs.replace(config, map=msgspec.structs.replace(config.map, fusion=fusion))
 
 
+LEAST_AP, LEAST_RECALL, MOST_FALSE_FREE = 1.4, 0.9, 0.02  # of a drive beside the analytic model; the last is a difference of shares
+JUDGED_BY_AP = 0.005  # share of occupied cells from which a drive's average precision is more than chance
+
+
+@dataclass(frozen=True, slots=True)
+class Beside:
+    """One method beside the analytic model on one drive, at the published thresholds."""
+
+    ap: float  # ratio, beside annotated truth; NaN where there is none or too little of it is occupied
+    recall: float  # ratio, of left-out detections
+    false_free: float  # difference of shares
+
+    @property
+    def kept(self) -> bool:
+        """Within the bounds that a map has to keep on every drive; a ratio that is no number keeps none, but for `ap`."""
+        return (math.isnan(self.ap) or self.ap >= LEAST_AP) and self.recall >= LEAST_RECALL and self.false_free <= MOST_FALSE_FREE
+
+
+def beside(drive: DriveScores, method: str) -> Beside:
+    mine, its = drive.methods[method], drive.methods[ANALYTIC]
+    ap = math.nan
+    if drive.annotated:
+        truth = drive.annotated[ANALYTIC]
+        if truth.occupied >= JUDGED_BY_AP * (truth.occupied + truth.free):
+            ap = ratio(drive.annotated[method].ap, truth.ap)
+    return Beside(ap, ratio(mine.occupied.recall, its.occupied.recall), mine.free.false_free - its.free.false_free)
+
+
 @dataclass(frozen=True, slots=True)
 class Summary:
     """A method beside a yardstick over all drives: ratios to the yardstick unless said otherwise.

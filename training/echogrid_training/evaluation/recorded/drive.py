@@ -81,7 +81,7 @@ def hear(folder: Path) -> RealDrive:
 
 
 def placed(items: list[RadarScan | EgoMotion]) -> tuple[list[tuple[RadarScan, EgoState]], list[EgoState]]:
-    """By the service's dead reckoning: the scans with where the car was, in order of time, and where it went, every STEP_NS."""
+    """By the service's dead reckoning without Doppler: the scans with where the car was, in time order, and where it went by STEP_NS."""
     odometry, waiting = Odometry(), list[RadarScan]()
     scans: list[tuple[RadarScan, EgoState]] = []
     driven: list[EgoState] = []

@@ -6,19 +6,21 @@ areas, for a map that calls everything occupied finds all, and one that calls ev
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.core.map import tiled_map
 from echogrid.core.map.tile import SIDE, Layers
 from echogrid.core.map.tiled_map import LogOdds, TiledMap
 from echogrid.core.messages import Floats
 from echogrid.core.motion.odometry import EgoState
 from echogrid_training.evaluation.metrics import Mask
 
-OCCUPIED, FREE = 0.85, -1.5  # log-odds: called occupied above (p > 0.7), surely free below
+OCCUPIED, FREE = (math.log(p / (1 - p)) for p in (tiled_map.OCCUPIED, tiled_map.FREE))  # log-odds: as map.yaml calls cells
 MARGIN = 30.0  # m around the driven line: nothing that is scored is farther away
 OUTLINE = (-0.95, 3.65, -0.9, 0.9)  # m in base: x and y from and to of what a car sweeps; one cell less is surely driven over
 

@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 
+from echogrid.core.map.tiled_map import FREE, OCCUPIED
 from echogrid_training.evaluation.metrics import ratio
 from echogrid_training.evaluation.recorded.annotated import LEAST, MOST, TITLES, by_kind, figures, intervals, missed
 from echogrid_training.evaluation.recorded.astyx import FrameScores
-from echogrid_training.evaluation.recorded.comparison import ANALYTIC, YARDSTICKS, Compared, DriveScores, MethodScores, Summary
+from echogrid_training.evaluation.recorded.comparison import (
+    ANALYTIC,
+    LEAST_AP,
+    LEAST_RECALL,
+    MOST_FALSE_FREE,
+    YARDSTICKS,
+    Compared,
+    DriveScores,
+    MethodScores,
+    Summary,
+    beside,
+)
 
 CALLED = (
     "drive",
@@ -40,6 +53,7 @@ SUMMARY = (
     "most more",
     "at the first's threshold (area)",
 )
+BESIDE = ("drive", "method", "average precision", "recall", "false free", "bounds")
 POOLED = ("figure", "method", "value", "95 % of draws of drives", "bound")
 KINDS = ("kind", "method", "objects", "found", "called free")
 FRAMES = ("file", "frames", "radar", "occupied", "method", "average precision", "to Elfes")
@@ -47,8 +61,13 @@ FRAMES = ("file", "frames", "radar", "occupied", "method", "average precision", 
 
 def drive_tables(scores: Sequence[DriveScores], summaries: Sequence[Summary]) -> str:
     """What the maps say as they are, then at the areas of each yardstick, then over all drives."""
-    parts = ["As the maps call it, occupied where p > 0.7 and surely free where log-odds < -1.5:"]
+    parts = [f"As the maps call it, occupied where p > {OCCUPIED:g} and free where p < {FREE:g}:"]
     parts.append(table(CALLED, (_called(drive.name, method, one) for drive, method, one in _all(scores))))
+    parts.append(
+        f"Beside '{ANALYTIC}', which every drive has to keep: average precision ≥ {LEAST_AP} times its, recall ≥ {LEAST_RECALL} times its, "
+        f"false free ≤ {100 * MOST_FALSE_FREE:g} points more:"
+    )
+    parts.append(table(BESIDE, (_beside(drive, method) for drive, method, _ in _all(scores) if method != ANALYTIC)))
     for yardstick in YARDSTICKS:
         parts.append(f"At the areas of '{yardstick}':")
         rows = (_equal(drive.name, method, one.against[yardstick]) for drive, method, one in _all(scores) if method != yardstick)
@@ -100,6 +119,12 @@ def _called(drive: str, method: str, one: MethodScores) -> list[str]:
     occupied, free = one.occupied, one.free
     said = [f"{one.swept:.3%}", f"{one.observed_m2:.0f} m²", f"{one.within_reach:.2f}", f"{occupied.covered_m2:.0f} m²"]
     return [drive, method, *said, f"{occupied.recall:.3f}", f"{free.free_m2:.0f} m²", f"{free.false_free:.2%}"]
+
+
+def _beside(drive: DriveScores, method: str) -> list[str]:
+    one = beside(drive, method)
+    ap = "–" if math.isnan(one.ap) else f"{one.ap:.2f}"
+    return [drive.name, method, ap, f"{one.recall:.2f}", f"{100 * one.false_free:+.1f}", "kept" if one.kept else "missed"]
 
 
 def _equal(drive: str, method: str, one: Compared) -> list[str]:

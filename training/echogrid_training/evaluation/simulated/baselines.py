@@ -19,7 +19,7 @@ from echogrid.core.messages import Floats
 from echogrid_training.evaluation.reading import Scores
 from echogrid_training.evaluation.simulated.beams import traced
 from echogrid_training.evaluation.simulated.patches import Patch
-from echogrid_training.evaluation.simulated.regression import GaussianProcess, HilbertMap
+from echogrid_training.evaluation.simulated.regression import Cells, GaussianProcess, HilbertMap
 from echogrid_training.learning.dataset import SPEC
 
 
@@ -129,40 +129,38 @@ class NearestFill:
 
 @dataclass(frozen=True)
 class Regressed:
-    """A regression on occupied points, the detections of the last 15 m, and free ones along their rays, drawn again for every patch."""
+    """A regression on occupied cells, those with a detection of the last 15 m, and as many free points along the detections' rays."""
 
     model: GaussianProcess | HilbertMap
 
     def __call__(self, patch: Patch) -> Answer:
-        points, labels = _points(patch)
-        if not len(points):
+        cells, values = observations(patch)
+        if not len(cells):
             return Answer.of_log_odds(np.zeros_like(patch.place.truth))
-        scores = self.model(points, labels, SPEC)
+        scores = self.model(cells, values, SPEC)
         label = np.clip(scores, -1, 1) if isinstance(self.model, GaussianProcess) else np.tanh(scores / 2)
         return Answer(scores, label)
 
 
-POINTS = 250  # of each kind
 MARGIN = 2.0  # cells before a detection that its ray says nothing about
 
 
 @lru_cache(maxsize=1)
-def _points(patch: Patch) -> tuple[Floats, Floats]:
-    """(N, 2) m in base, and (N,) 1 for occupied and -1 for free: at most POINTS of each."""
+def observations(patch: Patch) -> tuple[Cells, Floats]:
+    """Flat cells (N,), and 1 for occupied and -1 for free (N,): every cell that was hit once, and as many free points in their cells."""
     past, rng = patch.around.past, np.random.default_rng(len(patch.around.past))
     cells = SPEC.locate(past.points)
-    hit = np.unique(cells[cells >= 0])
-    hit = rng.permutation(hit)[:POINTS]
-    occupied = SPEC.centres().reshape(-1, 2)[hit]
-    ray = rng.integers(len(past), size=4 * POINTS) if len(past) else np.empty(0, dtype=np.int64)
+    occupied = np.unique(cells[cells >= 0])
+    ray = rng.integers(len(past), size=4 * len(occupied)) if len(past) else np.empty(0, dtype=np.int64)
     way = past.points[ray] - past.origins[ray]
     distance = np.hypot(way[:, 0], way[:, 1])
     share = rng.uniform(size=len(ray)) * np.maximum(1 - MARGIN * SPEC.cell / np.maximum(distance, 1e-6), 0)
-    free = past.origins[ray] + share[:, None] * way
-    free = free[SPEC.locate(free) >= 0][:POINTS]
+    free = SPEC.locate(past.origins[ray] + share[:, None] * way)
+    free = free[free >= 0][: len(occupied)]
     return np.concatenate((occupied, free)), np.repeat((1.0, -1.0), (len(occupied), len(free)))
 
 
+LENGTHS = (0.15, 0.25, 0.35, 0.5, 0.8, 1.2)  # m
 BASELINES: dict[str, tuple[Method, ...]] = {  # by name, the methods among which the calibration towns choose
     "all unknown": (Nothing(),),
     "delta, now": (Delta("now"),),
@@ -178,7 +176,7 @@ BASELINES: dict[str, tuple[Method, ...]] = {  # by name, the methods among which
         for name, history in (("Elfes, now", False), ("Elfes, 15 m", True))
     },
     "nearest fill": tuple(NearestFill(length, least) for length in (0.35, 0.5, 0.7, 1.0, 1.4) for least in (1, 2)),
-    "Gaussian process": tuple(Regressed(GaussianProcess(length, noise)) for length in (0.5, 0.8, 1.2) for noise in (0.5, 1.0, 2.0)),
-    "Hilbert map": tuple(Regressed(HilbertMap(length, ridge)) for length in (0.5, 0.8, 1.2) for ridge in (0.03, 0.1)),
+    "Gaussian process": tuple(Regressed(GaussianProcess(length, noise)) for length in LENGTHS for noise in (0.5, 1.0, 2.0)),
+    "Hilbert map": tuple(Regressed(HilbertMap(length, ridge)) for length in LENGTHS for ridge in (0.03, 0.1, 0.3, 1.0)),
 }
 MEAN_PATCH = "mean patch"  # the baseline that is made of the calibration towns themselves

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from echogrid.core.messages import Floats
 from echogrid_training.evaluation.metrics import Mask
 from echogrid_training.evaluation.reading import Reading, Scores, fit_reading, unlikelihood
-from echogrid_training.evaluation.simulated.baselines import BASELINES, MEAN_PATCH, MeanPatch, Method, mean_patch
-from echogrid_training.evaluation.simulated.learned import File, Key, networks, upper_bounds
-from echogrid_training.evaluation.simulated.maps import Geometry, drive_through, rows
+from echogrid_training.evaluation.simulated.baselines import BASELINES, MEAN_PATCH, Elfes, MeanPatch, Method, mean_patch
+from echogrid_training.evaluation.simulated.learned import File, Key, lidar_networks, networks
+from echogrid_training.evaluation.simulated.maps import TUNED, Geometry, drive_through, rows
 from echogrid_training.evaluation.simulated.patches import patches
 from echogrid_training.evaluation.simulated.tally import Place
 from echogrid_training.evaluation.simulated.tape import load_tape
@@ -24,6 +24,7 @@ from echogrid_training.learning.dataset import SPEC
 PATCHES = 24  # of a calibration drive
 CELLS = 1000  # of a patch or a window, drawn of those that count
 LEVELS = ("patch", "around", "finished")
+SUMMED = tuple(one for one in BASELINES["Elfes, now"] if isinstance(one, Elfes))  # of which the map is tuned: around the car
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +34,7 @@ class Plan:
     files: tuple[File, ...]
     methods: dict[Key, Method]  # the baselines, as tuned
     readings: dict[str, dict[Key, Reading]]
+    elfes: tuple[Elfes, ...] = ()  # as tuned for maps; none where no map was made to tune it by
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,16 +59,16 @@ class Shown:
 def shown(folder: Path, files: Sequence[File], with_maps: bool) -> Shown:
     """All candidates on one drive's patches and, if asked for, all maps. Raises EchogridError."""
     tape, rng = load_tape(folder), np.random.default_rng(zlib.crc32(folder.name.encode()))
-    learned, bounds = networks(files, tape.mounts), upper_bounds(files)
+    learned, of_lidar = networks(files, tape.mounts), lidar_networks(files)
     out = Shown([], np.zeros((SPEC.cells, SPEC.cells)), np.zeros((SPEC.cells, SPEC.cells)))
     for patch in patches(tape, PATCHES):
         said = {(name, index): method(patch).scores for name, grid in BASELINES.items() for index, method in enumerate(grid)}
-        said |= {key: network.answer(patch).scores for key, network in (learned | bounds).items()}
+        said |= {key: network.answer(patch).scores for key, network in (learned | of_lidar).items()}
         out.drawn.append(draw("patch", patch.place, said, rng))
         out.free[:] += patch.place.truth < 0
         out.occupied[:] += patch.place.truth > 0
     if with_maps:
-        for view in drive_through(tape, rows(tape, Geometry(tape), learned)):
+        for view in drive_through(tape, rows(tape, Geometry(tape), learned, SUMMED)):
             out.drawn.append(draw(view.level, view.place, view.scores, rng))
     return out
 
@@ -86,6 +88,7 @@ def planned(of: Sequence[Shown], files: Sequence[File]) -> Plan:
     mean = mean_patch(free, occupied, sum(one.level == "patch" for one in drawn))
     methods: dict[Key, Method] = {(MEAN_PATCH, 0): mean}
     readings: dict[str, dict[Key, Reading]] = {level: {} for level in LEVELS}
+    elfes: tuple[Elfes, ...] = ()
     for level, read in readings.items():
         some = [one for one in drawn if one.level == level]
         if not some:
@@ -97,10 +100,15 @@ def planned(of: Sequence[Shown], files: Sequence[File]) -> Plan:
                 best = int(np.argmin([unlikelihood(scores[name, index], truth) for index in range(len(grid))]))
                 methods[name, 0], read[name, 0] = grid[best], fit_reading(scores[name, best], truth)
             read[MEAN_PATCH, 0] = fit_reading(_of_mean(mean, some), truth)
+        if level == "around":
+            best = int(np.argmin([unlikelihood(scores[TUNED, index], truth) for index in range(len(SUMMED))]))
+            elfes = (SUMMED[best],)
+        if elfes:
+            read[TUNED, 0] = fit_reading(scores[TUNED, SUMMED.index(elfes[0])], truth)
         for key in scores:
-            if key[0] not in BASELINES:
+            if key[0] not in BASELINES and key[0] != TUNED:
                 read[key] = fit_reading(scores[key], truth)
-    return Plan(tuple(files), methods, readings)
+    return Plan(tuple(files), methods, readings, elfes)
 
 
 def _of_mean(mean: MeanPatch, drawn: Sequence[Drawn]) -> Scores:

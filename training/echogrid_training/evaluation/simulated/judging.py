@@ -16,7 +16,7 @@ from echogrid_training.evaluation.metrics import distances
 from echogrid_training.evaluation.reading import Reading
 from echogrid_training.evaluation.simulated.baselines import Answer
 from echogrid_training.evaluation.simulated.calibrating import Plan
-from echogrid_training.evaluation.simulated.learned import Key, Network, networks, upper_bounds
+from echogrid_training.evaluation.simulated.learned import Key, Network, lidar_networks, networks
 from echogrid_training.evaluation.simulated.maps import Geometry, View, drive_through, rows
 from echogrid_training.evaluation.simulated.patches import Patch, patches
 from echogrid_training.evaluation.simulated.probes import cold_starts, revisits, standstill
@@ -63,7 +63,7 @@ class Book:
 
     def add_view(self, level: str, view: View) -> None:
         readings = self.plan.readings["around" if view.level in ("around", "cold") else "finished"]
-        self.add(level, readings, view.place, ((key, Answer(scores)) for key, scores in view.scores.items()))
+        self.add(level, readings, view.place, ((key, Answer.of_log_odds(scores)) for key, scores in view.scores.items()))
 
 
 def judged(folder: Path, plan: Plan, count: int, probed: bool) -> Judged:
@@ -71,12 +71,12 @@ def judged(folder: Path, plan: Plan, count: int, probed: bool) -> Judged:
     tape, book = load_tape(folder), Book(plan)
     learned, geometry = networks(plan.files, tape.mounts), Geometry(tape)
     patch, number = judge_patches(tape, plan, learned, count, book)
-    of, finished = rows(tape, geometry, learned), []
+    of, finished = rows(tape, geometry, learned, plan.elfes), []
     for view in drive_through(tape, of):
         book.add_view(view.level, view)
         if view.level == "finished":
             finished.append(view)
-    for looks, view in cold_starts(tape, geometry, learned):
+    for looks, view in cold_starts(tape, geometry, learned, plan.elfes):
         book.add_view(f"after {looks} looks", view)
     if probed:
         for view in revisits(tape, of):
@@ -89,7 +89,7 @@ def judged(folder: Path, plan: Plan, count: int, probed: bool) -> Judged:
 def judge_patches(tape: Tape, plan: Plan, learned: dict[Key, Network], count: int, book: Book) -> tuple[Picture | None, int]:
     """Into the book; returns the middle patch as a picture, and how many there were."""
     readings, picture, number = plan.readings["patch"], None, 0
-    every = learned | upper_bounds(plan.files)
+    every = learned | lidar_networks(plan.files)
     for number, patch in enumerate(patches(tape, count), start=1):
         answers = {key: method(patch) for key, method in plan.methods.items()}
         answers |= {key: network.answer(patch) for key, network in every.items()}

@@ -1,6 +1,6 @@
 """Networks as the service runs them, from their files: as a method for single patches, and as what fills a map by either rule.
 
-Beside them the paper's autoencoder on the lidar's image, straight from its training: what a network could say at best.
+Beside them the paper's autoencoder on the lidar's image, straight from its training.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ class Network:
 
 
 class LidarNetwork:
-    """An upper bound for single patches: a sensor that misses nothing it sees, and one turn of it. It makes no map of the service's."""
+    """The paper's autoencoder on one turn of the lidar, for single patches; no map is made of it."""
 
     def __init__(self, file: File) -> None:
         """Raises EchogridError where the file is not of a network that is shown the lidar's image."""
@@ -136,6 +136,6 @@ def networks(files: Iterable[File], mounts: Mapping[str, Mount]) -> dict[Key, Ne
     return {key: Network(file, mounts, artist) for key, file in numbered(files) if file.path.suffix == ".onnx"}
 
 
-def upper_bounds(files: Iterable[File]) -> dict[Key, LidarNetwork]:
+def lidar_networks(files: Iterable[File]) -> dict[Key, LidarNetwork]:
     """The others. Raises EchogridError."""
     return {key: LidarNetwork(file) for key, file in numbered(files) if file.path.suffix == ".pt"}

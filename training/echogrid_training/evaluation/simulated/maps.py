@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -19,6 +20,8 @@ from echogrid.core.map.tile import Layers
 from echogrid.core.mapper import Mapper
 from echogrid.core.motion.se2 import SE2
 from echogrid_training.evaluation.reading import Scores
+from echogrid_training.evaluation.simulated.baselines import Elfes
+from echogrid_training.evaluation.simulated.elfes_maps import BeamModels, SummedBeams
 from echogrid_training.evaluation.simulated.learned import Key, Network
 from echogrid_training.evaluation.simulated.tally import Place
 from echogrid_training.evaluation.simulated.tape import Marks, Tape, outside, play
@@ -26,7 +29,7 @@ from echogrid_training.learning.dataset import SPEC
 from echogrid_training.truth.local_map import EVERY, patch
 
 Level = Literal["patch", "around", "finished", "revisited", "cold"]
-ELFES, GEOMETRY = "Elfes, sum", "geometric layer of looks"
+ELFES, TUNED, GEOMETRY = "Elfes, sum", "Elfes, sum, tuned", "geometric layer of looks"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,20 +75,26 @@ class Geometry:
         return self._said
 
 
-def rows(tape: Tape, geometry: Geometry, of: Mapping[Key, Network]) -> list[Row]:
-    """Empty maps: the service's analytic model, and every network by the rules `looks` and `sum`."""
+def rows(tape: Tape, geometry: Geometry, of: Mapping[Key, Network], tuned: Sequence[Elfes]) -> list[Row]:
+    """Empty maps: the service's analytic model, `tuned` with other beams, and every network by the rules `looks` and `sum`, and by the
+    paper's Eq. (1), which has no clamp."""
     bounds = tape.config.map.clamp, tape.config.map.max_tiles
     elfes = tape.mapper(geometry, OccupancyMap(SPEC, *bounds))
     out = [Row((ELFES, 0), elfes, elfes.map.read)]
-    for (name, number), network in of.items():
+    if tuned:
+        others = tape.mapper(BeamModels(tape, tuned), SummedBeams(SPEC, tuned, tape.config.map.max_tiles))
+        out += [Row((TUNED, index), others, partial(layer, index)) for index in range(len(tuned))]
+    for place, ((name, number), network) in enumerate(of.items()):
         looks = tape.mapper(partial(averaged, network), LookMap(SPEC, network.model.contract.calibration, *bounds))
         total = tape.mapper(partial(summed, network), OccupancyMap(SPEC, *bounds))
+        endless = tape.mapper(partial(summed, network), OccupancyMap(SPEC, math.inf, tape.config.map.max_tiles))
         out += [
             Row((f"{name}, looks", number), looks, looks.map.read),
             Row((f"{name}, sum", number), total, total.map.read),
+            Row((f"{name}, sum without clamp", number), endless, partial(layer, 0)),
             Row((f"{name}, learned layer of looks", number), looks, learned_layer),
         ]
-        if len(out) == 4:  # the same whatever network it stands beside
+        if place == 0:  # the same whatever network it stands beside
             out.append(Row((GEOMETRY, 0), looks, geometric_layer))
     return out
 
@@ -100,6 +109,11 @@ def summed(network: Network, around: Surroundings) -> Image:
     """What an OccupancyMap takes, as pipeline.py makes it."""
     log_odds, weight = network(around)
     return np.asarray(log_odds * weight)
+
+
+def layer(index: int, layers: Layers) -> Scores:
+    """One of them, as it is."""
+    return np.asarray(layers[index])
 
 
 def learned_layer(layers: Layers) -> Scores:

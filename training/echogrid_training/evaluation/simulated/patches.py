@@ -37,7 +37,7 @@ class Patch:
 
     around: Surroundings
     image: Bytes  # (12, H, W)
-    lidar: Bytes  # (H, W): 1 where the lidar has a return in its nearest turn, else 0
+    lidar: Bytes  # (H, W): 1 where the lidar has a return in its newest turn, else 0
     mounts: dict[str, Mount]
     place: Place
 

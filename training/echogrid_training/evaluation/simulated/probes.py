@@ -11,6 +11,7 @@ from echogrid.core.map.tiled_map import LogOdds, probability
 from echogrid.core.mapper import Mapper
 from echogrid.core.messages import RadarScan, Speed, YawRate
 from echogrid.core.motion.se2 import SE2
+from echogrid_training.evaluation.simulated.baselines import Elfes
 from echogrid_training.evaluation.simulated.learned import Key, Network
 from echogrid_training.evaluation.simulated.maps import Geometry, Row, Stop, View, drive_through, mappers, replayed, rows, view
 from echogrid_training.evaluation.simulated.tape import Event, Tape, play
@@ -23,10 +24,10 @@ STANDING = 60  # s
 SECOND = 1_000_000_000  # ns
 
 
-def cold_starts(tape: Tape, geometry: Geometry, networks: Mapping[Key, Network]) -> Iterator[tuple[int, View]]:
+def cold_starts(tape: Tape, geometry: Geometry, networks: Mapping[Key, Network], tuned: Sequence[Elfes] = ()) -> Iterator[tuple[int, View]]:
     """Maps, and histories, that begin empty in the midst of the drive: the looks so far, and the view around the car."""
     for share in STARTS:
-        of = rows(tape, geometry, networks)
+        of = rows(tape, geometry, networks, tuned)
         left, way, last = list(LOOKS), 0.0, None
         for ego in play(tape.events[int(share * len(tape.events)) :], mappers(of)):
             here = ego.odom_from_base
@@ -51,7 +52,7 @@ def standstill(tape: Tape, geometry: Geometry, networks: Mapping[Key, Network]) 
 
     In the middle of the drive the car stops, and every radar measures over and over what it measured last, now without motion.
     """
-    of, before = rows(tape, geometry, networks), tape.events[: len(tape.events) // 2]
+    of, before = rows(tape, geometry, networks, ()), tape.events[: len(tape.events) // 2]
     of = [row for row in of if row.published]
     last: SE2 | None = None
     for ego in play([*before, *braking(before)], mappers(of)):

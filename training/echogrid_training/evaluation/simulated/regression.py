@@ -1,15 +1,17 @@
-"""Maps by regression on points of occupied and free space: a Gaussian process, and the logistic regression of Hilbert maps.
+"""Maps by regression on observations of occupied and free cells: a Gaussian process, and the logistic regression of Hilbert maps.
 
-Both with a squared exponential kernel of `length` m. It is a product over x and y, and so are the cells of a grid, which makes an answer at
-all of them cheap.
+Both with a squared exponential kernel of `length` m. Observations lie at cells' centres, and the kernel is a product over x and y: times a
+vector it is two products with a kernel along one axis, whatever the number of observations. So all of a patch's are used, and the equations
+are solved by conjugate gradients.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from numpy.typing import NDArray
 
 from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.messages import Floats
@@ -17,11 +19,14 @@ from echogrid_training.evaluation.reading import Scores
 
 FARTHEST = 50.0  # exponent of the kernel: beyond, numbers get too small to be worked on fast
 STEPS, ENOUGH = 20, 1e-3  # of Newton's method, in log-odds
+SOLVED, MOST = 1e-6, 1000  # residual of conjugate gradients as a share of what was asked, and their steps
+
+Cells = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
 class GaussianProcess:
-    """Callable: points (N, 2) m and their values (N,) -> the posterior's mean (H, W) at the cells' centres (O'Callaghan & Ramos 2012).
+    """Callable: flat cells (N,) and their values (N,) -> the posterior's mean (H, W) at the cells' centres (O'Callaghan & Ramos 2012).
 
     Of variance 1 and mean 0, observed with `noise` (a standard deviation).
     """
@@ -29,15 +34,15 @@ class GaussianProcess:
     length: float
     noise: float
 
-    def __call__(self, points: Floats, values: Floats, spec: GridSpec) -> Scores:
-        covariance = kernel(points, self.length)
-        covariance[np.diag_indices_from(covariance)] += self.noise**2
-        return on_cells(points, cho_solve(cho_factor(covariance), values), self.length, spec)
+    def __call__(self, cells: Cells, values: Floats, spec: GridSpec) -> Scores:
+        kernel = Kernel(cells, self.length, spec)
+        weights = solved(lambda v: kernel(v) + self.noise**2 * v, values)
+        return kernel.on_cells(weights)
 
 
 @dataclass(frozen=True)
 class HilbertMap:
-    """Callable: points (N, 2) m and their values (N,), 1 or -1 -> log-odds (H, W) (Ramos & Ott 2016).
+    """Callable: flat cells (N,) and their values (N,), 1 or -1 -> log-odds (H, W) (Ramos & Ott 2016).
 
     Logistic regression in the kernel's own space, which their random features come near to as there are more of them; `ridge` weighs the
     function's squared norm. Newton's method as in Rasmussen & Williams 2006, algorithm 3.1.
@@ -46,33 +51,57 @@ class HilbertMap:
     length: float
     ridge: float
 
-    def __call__(self, points: Floats, values: Floats, spec: GridSpec) -> Scores:
-        prior, occupied = kernel(points, self.length) / self.ridge, values > 0
-        log_odds, weights = np.zeros(len(points)), np.zeros(len(points))
+    def __call__(self, cells: Cells, values: Floats, spec: GridSpec) -> Scores:
+        kernel, occupied = Kernel(cells, self.length, spec), values > 0
+        log_odds, weights, inner = np.zeros(len(cells)), np.zeros(len(cells)), np.zeros(len(cells))
         for _ in range(STEPS):
             p = 0.5 + 0.5 * np.tanh(0.5 * log_odds)
             root = np.sqrt(p * (1 - p))
             pull = root**2 * log_odds + occupied - p
-            factor = cho_factor(np.eye(len(points)) + root[:, None] * prior * root)
-            weights = pull - root * cho_solve(factor, root * (prior @ pull))
-            before, log_odds = log_odds, prior @ weights
+
+            def system(v: Floats, root: Floats = root) -> Floats:
+                return v + root * kernel(root * v) / self.ridge
+
+            inner = solved(system, root * kernel(pull) / self.ridge, inner)
+            weights = pull - root * inner
+            before, log_odds = log_odds, kernel(weights) / self.ridge
             if np.abs(log_odds - before).max() < ENOUGH:
                 break
-        return on_cells(points, weights / self.ridge, self.length, spec)
+        return kernel.on_cells(weights / self.ridge)
 
 
-def kernel(points: Floats, length: float) -> Floats:
-    """(N, N) between points (N, 2)."""
-    return _along(points[:, 0], points[:, 0], length) * _along(points[:, 1], points[:, 1], length)
+class Kernel:
+    """Callable: (N,) -> (N,), the kernel between observations at flat cells (N,), a cell as often as it was observed, times a vector."""
+
+    def __init__(self, cells: Cells, length: float, spec: GridSpec) -> None:
+        axis = (np.arange(spec.cells) * spec.cell)[:, None]
+        self._along: Floats = np.exp(-np.minimum((axis - axis.T) ** 2 / (2 * length**2), FARTHEST))  # (cells, cells)
+        self._cells, self._side = cells, spec.cells
+
+    def __call__(self, vector: Floats) -> Floats:
+        return self._spread(vector).reshape(-1)[self._cells]
+
+    def on_cells(self, weights: Floats) -> Scores:
+        """(H, W): the sum over observations of weight (N,) times the kernel to every cell's centre."""
+        return self._spread(weights).astype(np.float32)
+
+    def _spread(self, vector: Floats) -> Floats:
+        heaped = np.bincount(self._cells, weights=vector, minlength=self._side**2).reshape(self._side, self._side)
+        return self._along @ heaped @ self._along
 
 
-def on_cells(points: Floats, weights: Floats, length: float, spec: GridSpec) -> Scores:
-    """(H, W): the sum over points (N, 2) of weight (N,) times the kernel to every cell's centre."""
-    axis = spec.centres()[0, :, 0]
-    return np.asarray((_along(axis, points[:, 1], length) * weights) @ _along(points[:, 0], axis, length), dtype=np.float32)
-
-
-def _along(one: Floats, other: Floats, length: float) -> Floats:
-    """The kernel of one axis, (N, M) of coordinates (N,) and (M,)."""
-    factor: Floats = np.exp(-np.minimum((one[:, None] - other[None, :]) ** 2 / (2 * length**2), FARTHEST))
-    return factor
+def solved(matrix: Callable[[Floats], Floats], right: Floats, start: Floats | None = None) -> Floats:
+    """x (N,) with matrix x = right (N,), of a symmetric positive matrix that is told by what it makes of a vector."""
+    x = np.zeros_like(right) if start is None else start
+    left = right - matrix(x)
+    way, square = left, float(left @ left)
+    goal = SOLVED**2 * float(right @ right)
+    for _ in range(MOST):
+        if square <= goal:
+            break
+        turned = matrix(way)
+        step = square / float(way @ turned)
+        x, left = x + step * way, left - step * turned
+        before, square = square, float(left @ left)
+        way = left + (square / before) * way
+    return x

@@ -13,11 +13,12 @@ from echogrid_training.evaluation.simulated.baselines import MEAN_PATCH
 from echogrid_training.evaluation.simulated.calibrating import Plan
 from echogrid_training.evaluation.simulated.judging import Judged
 from echogrid_training.evaluation.simulated.learned import Key
-from echogrid_training.evaluation.simulated.maps import ELFES
+from echogrid_training.evaluation.simulated.maps import TUNED
 from echogrid_training.evaluation.simulated.patches import STRATA
-from echogrid_training.evaluation.simulated.tally import Tally, by_stratum, figures, interval, resampled, resamples, summed
+from echogrid_training.evaluation.simulated.tally import Tally, by_stratum, figures, resampled, summed
+from echogrid_training.learning.resampling import interval, resamples
 
-REFERENCE = {"patch": "Elfes, 15 m", "around": ELFES, "finished": ELFES}  # what others are compared with, town by town
+REFERENCE = {"patch": "Elfes, 15 m", "around": TUNED, "finished": TUNED}  # what others are compared with, town by town
 
 Figures = dict[str, Any]
 
@@ -31,7 +32,8 @@ def results(of: Sequence[Judged], plan: Plan, calibrating: int) -> Figures:
         "calibration_drives": calibrating,
         "patches": sum(one.patches for one in of),
         "models": {name: [str(file.path) for file in plan.files if file.name == name] for name in {file.name: 0 for file in plan.files}},
-        "tuned": {name: repr(method) for (name, _), method in plan.methods.items() if name != MEAN_PATCH},
+        "tuned": {name: repr(method) for (name, _), method in plan.methods.items() if name != MEAN_PATCH}
+        | dict.fromkeys([TUNED] * len(plan.elfes), repr(plan.elfes)),
         "levels": {level: _level(level, of) for level in levels},
         "standstill": _worst([one.standstill for one in of]),
         "revisit": _revisit(of),

@@ -88,7 +88,7 @@ def swept(point: Point, folder: Path, plan: Plan) -> Swept:
     learned = networks(plan.files, tape.mounts)
     if point.family == FAMILY:
         judge_patches(tape, plan, learned, PATCHES, book)
-    for view in drive_through(tape, rows(tape, Geometry(tape), learned)):
+    for view in drive_through(tape, rows(tape, Geometry(tape), learned, plan.elfes)):
         if view.level == "around":
             book.add_view(view.level, view)
     return point, book.tallies

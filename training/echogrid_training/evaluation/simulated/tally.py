@@ -30,9 +30,9 @@ from echogrid_training.truth.ground_truth import soft, ternary
 
 BINS, WIDEST = 2048, 16.0  # of log-odds, from -WIDEST to WIDEST: 1/64 wide
 REACHES = (1.0, 2.0)  # cells, of the boundary's F
+SURE = 3.5  # log-odds: the service's clamp of sums
 SAFE = 0.1  # what is stated below is taken for free
 CLASSES = (-1, 0, 1)
-RESAMPLED, INTERVAL = 1000, (2.5, 97.5)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,6 +70,7 @@ class Tally:
     said: Counts  # (2,): cells about which the method says something, all cells
     published: Floats  # (3, ECE_BINS): reliability of scores as they are, where something is said
     published_surprise: Floats  # ()
+    sure: Counts  # (2,): cells with scores of SURE or more by amount, as they are, and those of them whose truth is the other
 
 
 def tally(scores: Scores, label: Image | None, place: Place, reading: Reading, to_occupied: Floats | None = None) -> Tally:
@@ -96,6 +97,7 @@ def tally(scores: Scores, label: Image | None, place: Place, reading: Reading, t
         said=np.array([said.sum(), len(said)]),
         published=reliability(probability(raw[said]), y[said]),
         published_surprise=np.array(surprise(raw[said], y[said]).sum()),
+        sure=np.array([np.sum(np.abs(raw) >= SURE), np.sum(((raw > 0) != y)[np.abs(raw) >= SURE])]),
     )
 
 
@@ -130,6 +132,8 @@ def figures(of: Tally) -> dict[str, float]:
         "said": ratio(float(of.said[0]), cells),
         "published_nll": ratio(float(of.published_surprise), float(of.said[0])),
         "published_ece": calibration_error(of.published),
+        "sure": ratio(float(of.sure[0]), float(of.said[0])),
+        "sure_and_wrong": ratio(float(of.sure[1]), float(of.sure[0])),
     }
     for kind, sums in zip(("mse", "soft_mse"), of.errors, strict=True):
         for name, error, count in zip(("free", "unknown", "occupied"), *sums.tolist(), strict=True):
@@ -151,11 +155,6 @@ def by_stratum(of: Tally, names: Sequence[str]) -> dict[str, dict[str, float]]:
     return out
 
 
-def resamples(towns: int, seed: int = 0) -> Counts:
-    """(RESAMPLED, towns): how often each town is drawn, as many draws as towns, with replacement."""
-    return np.random.default_rng(seed).multinomial(towns, np.full(towns, 1 / towns), size=RESAMPLED)
-
-
 def resampled(towns: Sequence[Tally], draws: Counts) -> dict[str, Floats]:
     """(RESAMPLED,) of each headline figure, with the towns drawn as `resamples` says: the same draws for all methods, so pairs compare."""
     histogram = np.tensordot(draws.astype(float), np.stack([town.histogram[0] for town in towns]).astype(float), axes=1)  # floats: BLAS
@@ -168,9 +167,3 @@ def resampled(towns: Sequence[Tally], draws: Counts) -> dict[str, Floats]:
         "nll": draws @ np.array([town.surprise[0] for town in towns]) / np.maximum(cells, 1),
         "ece": np.abs(table[:, 1] - table[:, 2]).sum(axis=1) / np.maximum(cells, 1),
     }
-
-
-def interval(values: Floats) -> tuple[float, float]:
-    """The middle 95 in 100 of resampled figures."""
-    low, high = np.nanpercentile(values, INTERVAL)
-    return float(low), float(high)

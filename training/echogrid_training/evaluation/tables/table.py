@@ -8,6 +8,7 @@ from typing import Any
 from echogrid_training.evaluation.simulated.patches import RINGS, STRATA
 from echogrid_training.evaluation.simulated.probes import LOOKS, STANDING
 from echogrid_training.evaluation.simulated.results import REFERENCE
+from echogrid_training.evaluation.tables.markdown import markdown
 
 Row = dict[str, Any]
 COLUMNS = {  # of figures: heading by name
@@ -28,13 +29,19 @@ CLASS_MSE = {
     "soft_mse_unknown": "unknown",
     "soft_mse_occupied": "occupied",
 }
-PUBLISHED = {"said": "share of cells known", "published_nll": "NLL as published", "published_ece": "ECE as published"}
+PUBLISHED = {
+    "said": "share of cells known",
+    "published_nll": "NLL as published",
+    "published_ece": "ECE as published",
+    "sure": "beyond ±3.5",
+    "sure_and_wrong": "wrong of these",
+}
 MAPS = {"around": "The map around the car, every 5 m of way", "finished": "The finished map, at the same places"}
 
 
 def tables(results: Row) -> str:
     """All of them, one after the other."""
-    levels, models = results["levels"], results["models"]
+    levels = results["levels"]
     head = (
         f"{results['drives']} test drives through {results['towns']} towns, {results['patches']} patches; parameters, readings and "
         f"thresholds from {results['calibration_drives']} drives through other towns. "
@@ -47,19 +54,14 @@ def tables(results: Row) -> str:
     parts.append(("AP and NLL by visibility", _strata(levels["patch"], STRATA[len(RINGS) :])))
     for level, title in MAPS.items():
         parts.append((title, _figures(levels[level], COLUMNS)))
-        parts.append((f"{title}: as published", _figures(_published(levels[level], models), PUBLISHED)))
+        parts.append((f"{title}: as published", _figures(_published(levels[level]), PUBLISHED)))
+        parts.append((f"{title}: class errors as published", _figures(_published(levels[level]), CLASS_MSE)))
     parts.append((f"Against {REFERENCE['patch']} and {REFERENCE['around']}: intervals of the difference", _differences(levels)))
     parts.append(("IoU after a cold start, by looks of 0.5 m", _cold(levels)))
     parts.append(("Standing, and the same way twice", _probes(results)))
     parts += [(f"Sweep: {name}", _sweep(points)) for name, points in results.get("sweep", {}).items()]
     parts.append(("As tuned", "\n".join(f"- {name}: `{method}`" for name, method in results["tuned"].items())))
     return "\n\n".join(f"### {title}\n\n{body}" if title else body for title, body in parts if body) + "\n"
-
-
-def markdown(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """The first column is text, the others are numbers."""
-    lines = ["| " + " | ".join(heads) + " |", "| --- |" + " ---: |" * (len(heads) - 1)]
-    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
 
 
 def number(value: float | None) -> str:
@@ -82,8 +84,8 @@ def _figures(rows: dict[str, Row], columns: dict[str, str]) -> str:
     return markdown(("method", *columns.values()), [(name, *(_with(row, column) for column in columns)) for name, row in kept.items()])
 
 
-def _published(rows: dict[str, Row], models: dict[str, Any]) -> dict[str, Row]:
-    """What the service can publish: not the layers of a map alone."""
+def _published(rows: dict[str, Row]) -> dict[str, Row]:
+    """What the service can publish, by one configuration or another: not the layers of a map alone."""
     return {name: row for name, row in rows.items() if "layer" not in name}
 
 

@@ -1,0 +1,110 @@
+"""What an option may be, and the options that several commands have or that are many."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import math
+import re
+from pathlib import Path
+from typing import NoReturn
+
+from echogrid.config.tables import Publish
+from echogrid.recording.foxglove import LOOPBACK, PORT
+
+# What `COMMAND --help` ends with.
+EXAMPLES = {
+    "run": ("run -c echogrid.toml", "run -c echogrid.toml --record /var/lib/echogrid"),
+    "status": ("status", "status --watch", "status --json | jq .state"),
+    "view": ("view --demo", "view", "view drives/monday", "view can.blf -c echogrid.toml", "view map.egmap"),
+    "replay": ("replay drives/monday", "replay can.blf -c echogrid.toml --out out/monday", "replay drives/monday --publish --speed 4"),
+    "check": ("check -c echogrid.toml", "check -c echogrid.toml can.blf --fix-out mended.toml", "check -c echogrid.toml --seconds 20"),
+    "init": ("init can.blf", "init can.blf --dbc radar.dbc --dbc car.dbc --out car.toml"),
+    "map": ("map show map.egmap", "map export map.egmap map.yaml", "map merge all.egmap monday.egmap tuesday.egmap:12,-3,90"),
+    "demo": ("demo", "demo --model analytic --out out/analytic"),
+}
+
+
+class Parser(argparse.ArgumentParser):
+    """Says what a word that it does not know may have been meant to be, and ends each command's help with examples."""
+
+    def error(self, message: str) -> NoReturn:
+        unknown = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message)
+        near = difflib.get_close_matches(unknown[1], re.findall(r"[\w.-]+", unknown[2]), n=1) if unknown else []
+        super().error(message + (f"; did you mean '{near[0]}'?" if near else ""))
+
+    def format_help(self) -> str:
+        program, _, command = self.prog.partition(" ")
+        lines = [f"  {program} {example}" for example in EXAMPLES.get(command, ())]
+        return super().format_help() + ("\n".join(("\nexamples:", *lines)) + "\n" if lines else "")
+
+
+def complete(parser: argparse.ArgumentParser) -> None:
+    """Answers a shell that asks how a line goes on, and ends the program; nothing where argcomplete is not installed."""
+    try:
+        import argcomplete
+    except ImportError:
+        return
+    argcomplete.autocomplete(parser)
+
+
+def seconds(text: str) -> float:
+    """How long to listen."""
+    return _between(text, 0.1, 3600, "found, expected seconds")
+
+
+def add_foxglove(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--foxglove",
+        type=address,
+        nargs="?",
+        const=(LOOPBACK, PORT),
+        metavar="[HOST:]PORT",
+        help="a live view for Foxglove (default: 127.0.0.1:8765)",
+    )
+
+
+def speed(text: str) -> float:
+    """How many times as fast."""
+    return _between(text, 0.01, 1000, "is not a speed, expected a number")
+
+
+def _between(text: str, least: float, most: float, expected: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not least <= value <= most:
+        raise argparse.ArgumentTypeError(f"'{text}' {expected} from {least} to {most}")
+    return value
+
+
+def address(text: str) -> tuple[str, int]:
+    """Host and port; on this machine alone unless another host is written out."""
+    host, colon, port = text.rpartition(":")
+    host = host.removeprefix("[").removesuffix("]")
+    if not port.isdecimal() or int(port) > 65535 or bool(colon) != bool(host):
+        raise argparse.ArgumentTypeError(f"'{text}' is not an address, expected PORT or HOST:PORT")
+    return host or LOOPBACK, int(port)
+
+
+def add_view(view: argparse.ArgumentParser) -> None:
+    view.add_argument(
+        "what",
+        type=Path,
+        nargs="?",
+        metavar="WHAT",
+        help="a drive folder, a log with -c, an .mcap recording, or a stored map (.egmap .npz .yaml); without it a running service",
+    )
+    view.add_argument("--demo", action="store_true", help="the shipped drive")
+    view.add_argument("-c", "--config", type=Path, help="of a log; default: the drive folder's echogrid.toml")
+    view.add_argument("--epoch", type=int, help="of an .egmap file (default: the newest)")
+    view.add_argument("--endpoint", default=Publish().listen[0], help="where the service listens (default: %(default)s)")
+    view.add_argument("--vehicle", help="as in its configuration (default: the one that is there)")
+    view.add_argument("--tls", type=Path, nargs=3, metavar=("CA", "CERTIFICATE", "KEY"), help="PEM files, for an endpoint tls/HOST:PORT")
+    view.add_argument(
+        "--listen", type=address, default=(LOOPBACK, 8890), metavar="[HOST:]PORT", help="of the page (default: 127.0.0.1:8890)"
+    )
+    view.add_argument("--token", type=Path, metavar="FILE", help="holds what viewers have to show; needed where other machines can come")
+    view.add_argument("--certificate", type=Path, nargs=2, metavar=("CERT", "KEY"), help="PEM files: the page over HTTPS")
+    view.add_argument("--plaintext", action="store_true", help="other machines may come without HTTPS: on a network of your own")

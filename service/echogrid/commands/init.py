@@ -1,0 +1,123 @@
+"""`echogrid init`: from a recording, and the DBCs that there are, to a configuration, its profiles, and what is uncertain or missing."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from echogrid.can.dbc import Dbc
+from echogrid.commands.judged import Report, check_log
+from echogrid.commands.terminal import progress
+from echogrid.config.loading import load_config
+from echogrid.errors import EchogridError
+from echogrid.files import whole
+from echogrid.logs.log import Log
+from echogrid.surveying.heard import Heard
+from echogrid.surveying.proposal import Proposal, propose
+from echogrid.surveying.senders import Source
+from echogrid.surveying.survey import Survey, survey
+
+ROUNDS = 3  # of checking and mending
+CONFIDENT = 0.8
+# What a check may mend here: the rest needs a person.
+MENDED = frozenset(
+    (
+        *("speed_sign", "speed_unit", "speed_scale", "wheel_scale", "yaw_rate_sign", "yaw_rate_unit", "yaw_rate_bias"),
+        *("azimuth_unit", "range_unit", "range_rate_unit", "mount_yaw", "mount_x", "mount_y", "time_offset", "field_of_view"),
+    )
+)
+
+
+def command(log: Path, dbcs: Sequence[Path], out: Path, *, force: bool) -> bool:
+    """Writes the configuration and its profiles; returns whether a check accepts it and nothing is missing.
+
+    Raises EchogridError where a file cannot be read or is there already.
+    """
+    if out.exists() and not force:
+        raise EchogridError(f"{out}: is there already; give another --out, or --force to replace it")
+    sources = [Source(path, Dbc(path, path).database) for path in dbcs]
+    with progress(f"init {log.name}") as advance:
+        heard, torn = _heard(log, advance)
+        found = survey(heard.channels, sources)
+        proposal = propose(found, log, out.parent, out.stem)
+        report = _mended(proposal, log) if proposal.motion is not None and proposal.radars else None
+    texts = proposal.files(out.name, out.parent)
+    there = [name for name in texts if (out.parent / name).exists()]
+    if there and not force:
+        raise EchogridError(f"{out.parent / there[0]}: is there already; give another --out, or --force to replace it")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    for name, text in texts.items():
+        with whole(out.parent / name) as partial:
+            partial.write_text(text)
+    print("\n".join(_told(found, proposal, report, out, list(texts))))
+    if torn is not None:
+        raise torn
+    return report is not None and not report.findings and not proposal.missing
+
+
+def _heard(log: Path, advance: Callable[[float], None] | None) -> tuple[Heard, EchogridError | None]:
+    """All that can be read, and what is wrong with the file."""
+    heard, recording = Heard(), Log(log)
+    try:
+        for message in recording:
+            heard.add(message)
+            if advance is not None and recording.messages % 1024 == 0:
+                advance(recording.progress)
+    except EchogridError as error:
+        if not recording.messages:
+            raise
+        return heard, error
+    return heard, None
+
+
+def _mended(proposal: Proposal, log: Path) -> Report:
+    """What a check says of the proposal once it has been mended by what a check says."""
+    for last in (False,) * (ROUNDS - 1) + (True,):
+        with tempfile.TemporaryDirectory(prefix="echogrid-") as folder:
+            for name, text in proposal.files("echogrid.toml", Path(folder)).items():
+                (Path(folder) / name).write_text(text)
+            source = Path(folder) / "echogrid.toml"
+            report = check_log(load_config(source), source, log)
+        fixes = [
+            (finding, fix)
+            for finding, fix in zip(report.findings, report.fixes, strict=True)
+            if finding.code in MENDED and finding.confidence >= CONFIDENT and (fix.config or fix.profiles)
+        ]
+        if last or not fixes:
+            return report
+        for finding, fix in fixes:
+            proposal.mend(fix, f"by a check of the recording, {finding.code}, {finding.confidence:.0%} sure")
+    raise AssertionError
+
+
+def _told(found: Survey, proposal: Proposal, report: Report | None, out: Path, names: Sequence[str]) -> list[str]:
+    """What was found, what is uncertain, what is missing and what a check still says."""
+    lines = []
+    for radar in found.radars:
+        sender = radar.sender
+        what = sender.profile or f"the DBC's {sender.draft.tables['detections']['messages'] if sender.draft else ''}"
+        channel, shift = sender.channel.name or "the only channel", f", ids {sender.shift:+#x}" if sender.shift else ""
+        lines.append(f"radar {radar.mount.name}: {what} on {channel}{shift}: {len(sender.scans)} scans, {sender.share:.0%} of them whole")
+    if found.motion is not None:
+        wheels, turning = found.motion.messages
+        lines.append(
+            f"motion: {found.motion.profile or f'{wheels} and {turning} of the DBC'} on {found.motion.channel.name or 'the only channel'}"
+        )
+    uncertain = proposal.uncertain()
+    if not found.signs.sure and found.first_bend is not None:
+        time, degrees = found.first_bend
+        side = "left" if degrees > 0 else "right"
+        lines.append(
+            f"left and right: by this configuration the first bend is at {time:.0f} s, {abs(degrees):.0f}° to the {side}. "
+            "If the car went the other way, turn the signs of yaw_rate and azimuth (or y and vy) in the profiles, and of all y and yaw_deg"
+        )
+    lines += ["", f"uncertain, and marked in the files ({len(uncertain)}):", *(f"  {line}" for line in uncertain)] if uncertain else []
+    lines += [f"missing: {line}" for line in proposal.missing]
+    if report is not None:
+        lines += [f"check still says [{one.code}] {one.sentence}" for one in report.findings]
+        lines += [f"not judged [{one.code}]: {one.sentence}" for one in report.judgement.undecided]
+    lines += ["", f"written: {', '.join(str(out.parent / name) for name in names)}"]
+    accepted = report is not None and not report.findings
+    lines.append(f"next: echogrid check -c {out} LOG" if accepted else f"{out}: a check does not accept it yet")
+    return lines

@@ -1,0 +1,115 @@
+"""What a recording, or live buses, say about a configuration: decoded whole, not mapped, and judged."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import can
+
+from echogrid.can.bus import LiveBus
+from echogrid.commands.traffic import Traffic
+from echogrid.config.tables import Config
+from echogrid.errors import EchogridError
+from echogrid.judging.finding import Finding
+from echogrid.judging.judge import Judgement
+from echogrid.judging.listening import Listener
+from echogrid.judging.mending import Fix
+from echogrid.judging.recorded import Recorded
+from echogrid.logs.formats.account import Account
+from echogrid.logs.formats.times import Times
+from echogrid.logs.log import Log
+
+POLL = 0.1  # s
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Report:
+    """What frames say; `fixes` one for each finding, `torn` what the file lost."""
+
+    listener: Listener
+    account: Account
+    times: Times
+    traffic: Traffic
+    torn: EchogridError | None
+    recorded: Recorded
+    judgement: Judgement
+    findings: tuple[Finding, ...]
+    fixes: tuple[Fix, ...]
+
+    def faults(self) -> list[str]:
+        """What is wrong with the times of the frames."""
+        return self.times.faults() + self.traffic.coarse(self.times)
+
+
+def check_log(config: Config, source: Path, path: Path, on_progress: Callable[[float], None] | None = None) -> Report:
+    """Decodes a recording without mapping it, and judges it. Raises EchogridError where nothing of it can be read."""
+    listener = Listener(config, source)
+    log, traffic = Log(path), Traffic(config, listener.reader)
+    torn: EchogridError | None = None
+    try:
+        for message in log:
+            traffic.add(listener.add(message), message)
+            if on_progress is not None and log.messages % 1024 == 0:
+                on_progress(log.progress)
+    except EchogridError as error:
+        if not log.messages:
+            raise
+        torn = error
+    return _report(listener, log.account, log.times, traffic, torn)
+
+
+def check_live(config: Config, source: Path, seconds: float, on_progress: Callable[[float], None] | None = None) -> Report:
+    """Listens to the configured buses, to all their ids, and judges the frames as those of a recording.
+
+    Raises EchogridError where a bus cannot be opened.
+    """
+    listener = Listener(config, source)
+    heard = listen(config, seconds, on_progress)
+    times, traffic = Times(), Traffic(config, listener.reader)
+    times.add(heard)
+    for message in heard:
+        traffic.add(listener.add(message), message)
+    return _report(listener, Account(), times, traffic, None)
+
+
+def listen(config: Config, seconds: float, on_progress: Callable[[float], None] | None = None) -> Sequence[can.Message]:
+    """All frames of the configured buses for so long, in the order of their times."""
+    heard: list[can.Message] = []
+    stop = threading.Event()
+
+    def take(bus: LiveBus) -> None:
+        while not stop.is_set():
+            message = bus.recv(POLL)
+            if message is not None:
+                heard.append(message)
+
+    with ExitStack() as opened:
+        buses = []
+        for bus in config.bus:
+            buses.append(LiveBus(bus, []))
+            opened.callback(buses[-1].close)
+        threads = [threading.Thread(target=take, args=(bus,), name=f"check {bus.bus.name}") for bus in buses]
+        for thread in threads:
+            thread.start()
+        try:
+            begin = time.monotonic()
+            while (passed := time.monotonic() - begin) < seconds:
+                stop.wait(min(POLL, seconds - passed))
+                if on_progress is not None:
+                    on_progress(min(passed / seconds, 1.0))
+        finally:
+            stop.set()
+            for thread in threads:
+                thread.join()
+    return sorted(heard, key=lambda message: message.timestamp)
+
+
+def _report(listener: Listener, account: Account, times: Times, traffic: Traffic, torn: EchogridError | None) -> Report:
+    judgement, findings, mender = listener.judged()
+    fixes = tuple(mender.fix(one) for one in findings)
+    return Report(listener, account, times, traffic, torn, listener.recorded(), judgement, tuple(findings), fixes)

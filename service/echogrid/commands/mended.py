@@ -1,0 +1,67 @@
+"""The mended configuration: all fixes of a report, with the profiles that need some beside it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from echogrid.can.profile import find
+from echogrid.commands.judged import Report
+from echogrid.config.editing import Path as Keys
+from echogrid.config.editing import edited
+from echogrid.config.tables import Config
+from echogrid.files import read, whole
+from echogrid.judging.mending import MOTION
+
+MOST_BYTES = 1 << 20  # of a configuration or profile
+
+
+def write_mended(report: Report, source: Path, out: Path) -> None:
+    """The configuration with all fixes, and the profiles that need some beside it; what is left as it was keeps its comments."""
+    config = report.listener.config
+    changes: dict[Keys, Any] = _moved(config, source.parent, out.parent)
+    profiles: dict[str, dict[Keys, Any]] = {}
+    for fix in report.fixes:
+        changes |= fix.config
+        for owner, own in fix.profiles.items():
+            profiles.setdefault(owner, {}).update(own)
+    written: dict[tuple[str, str], str] = {}
+    for owner, own in profiles.items():
+        index = None if owner == MOTION else [radar.name for radar in config.radar].index(owner)
+        configured = config.motion if index is None else config.radar[index]
+        table: Keys = ("motion",) if index is None else ("radar", index)
+        profile = find(configured.profile, source.parent)
+        kind = profile.stem, repr(own)
+        if kind not in written:
+            same = sum(stem == profile.stem for stem, _ in written)
+            written[kind] = f"{out.stem}_{profile.stem}{same + 1 if same else ''}.toml"
+            text = edited(read(profile, MOST_BYTES).decode(), own)
+            (out.parent / written[kind]).write_text(text)
+        changes[*table, "profile"] = written[kind]
+        named = (report.listener.mender.motion if index is None else report.listener.mender.radars[owner]).dbc
+        if configured.dbc is None and named is not None:
+            changes[*table, "dbc"] = relative_to(out.parent, profile.parent / named)
+    with whole(out) as partial:
+        partial.write_text(edited(read(source, MOST_BYTES).decode(), changes))
+
+
+def _moved(config: Config, before: Path, after: Path) -> dict[Keys, Any]:
+    """The relative paths of a configuration that is written into another folder."""
+    if before.resolve() == after.resolve():
+        return {}
+    named: dict[Keys, str | None] = {("motion", "dbc"): config.motion.dbc, ("motion", "profile"): config.motion.profile}
+    for n, radar in enumerate(config.radar):
+        named |= {("radar", n, "dbc"): radar.dbc, ("radar", n, "profile"): radar.profile}
+    named[("model",)] = config.model
+    return {
+        path: relative_to(after, before / name)
+        for path, name in named.items()
+        if name is not None and name.endswith((".toml", ".dbc", ".onnx"))
+    }
+
+
+def relative_to(folder: Path, path: Path) -> str:
+    """Relative where both lie in one tree, else absolute."""
+    relative = os.path.relpath(path.resolve(), folder.resolve())
+    return str(path.resolve()) if relative.startswith("..") else relative

@@ -1,0 +1,103 @@
+"""`echogrid replay --publish`: a recording through the service, at its own pace, and out to whoever listens, as the car would send it."""
+
+from __future__ import annotations
+
+import logging
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from echogrid.commands.recorder import Recorder, report
+from echogrid.commands.replay import nothing_known, say, true_poses, why_none
+from echogrid.commands.state_log import StateLog
+from echogrid.commands.terminal import progress, show_map
+from echogrid.commands.traffic import Traffic
+from echogrid.config.loading import load_config
+from echogrid.config.tables import Config
+from echogrid.errors import EchogridError, NoMapError
+from echogrid.live.player import Player, on_virtual_buses
+from echogrid.live.service import Service
+from echogrid.logs.drive import Drive, find_drive
+from echogrid.logs.log import Log
+from echogrid.pipeline import Pipeline
+
+
+def command(
+    path: Path,
+    config: Path | None,
+    out: Path,
+    *,
+    speed: float,
+    model: str | None,
+    record: Path | None,
+    store: Path | None,
+    foxglove: tuple[str, int] | None,
+) -> bool:
+    """As `echogrid replay`, until the recording's end or until SIGTERM or SIGINT; returns whether the map is to be trusted."""
+    drive = find_drive(path, config)
+    with progress(f"publishing {path.name}") as advance:
+        summary = publish(
+            drive, out, speed=speed, model=model, record=record, store=store, foxglove=foxglove, on_progress=advance, on_start=_stoppable
+        )
+    show_map(out)
+    report(summary, out)
+    for note in summary["notes"]:
+        print(f"note: {note}")
+    if summary["faults"]:
+        raise EchogridError(f"{drive.log}: {'; '.join(summary['faults'])}")
+    return summary["not_to_be_trusted"] is None
+
+
+def publish(
+    drive: Drive,
+    out: Path,
+    *,
+    speed: float = 1.0,
+    model: str | None = None,
+    record: Path | None = None,
+    store: Path | None = None,
+    foxglove: tuple[str, int] | None = None,
+    on_progress: Callable[[float], None] | None = None,
+    on_start: Callable[[Service], None] | None = None,
+) -> dict[str, Any]:
+    """Plays a recording to the service at `speed` times its pace, and writes the files of a replay into `out`; returns the summary.
+
+    The service is that of `run`, with the configuration's [publish], [ros] and [metrics]; its map is kept in `store` alone. `record` and
+    `foxglove` are as for `run`. It may be stopped early: the files then hold what was mapped until then. Raises EchogridError as `replay`.
+    """
+    config = at_the_desk(load_config(drive.config, model), store)
+    pipeline = Pipeline(config, drive.config)
+    truth = true_poses(drive, say)
+    recorder = Recorder(pipeline, states=StateLog(say))
+    traffic = Traffic(config, pipeline.signals)
+    log = Log(drive.log)
+    service = Service(pipeline, recorder.add, record=record, foxglove=foxglove)
+    player = Player(service, log, speed=speed, see=traffic.add, on_progress=on_progress)
+    service.workers.add("player", player.run)
+    if on_start is not None:
+        on_start(service)
+    service.run()
+    if player.ended and not player.sent:
+        raise player.torn or NoMapError(nothing_known(drive, pipeline, traffic))
+    faults = log.times.faults() + traffic.coarse(log.times) if player.ended else []
+    summary = recorder.write(out, truth, faults, log.account.notes + log.times.notes() + traffic.strangers())
+    if not pipeline.health.cycles:
+        raise player.torn or NoMapError(f"{drive.log}: no map came of it: {why_none(pipeline, traffic)}")
+    if player.torn is not None:
+        raise EchogridError(f"{player.torn}; the map up to there is in {out}")
+    return summary
+
+
+def at_the_desk(config: Config, store: Path | None) -> Config:
+    """The same configuration on buses of this process; the car's own map is left alone."""
+    kept = msgspec.structs.replace(config.store, path=None if store is None else str(store))
+    return msgspec.structs.replace(on_virtual_buses(config), store=kept)
+
+
+def _stoppable(service: Service) -> None:
+    logging.getLogger("echogrid").info("publishing on %s as vehicle '%s'", ", ".join(service.config.publish.listen), service.config.vehicle)
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: service.workers.stop.set())

@@ -1,0 +1,54 @@
+"""Keeps what is learned of the car between two runs of the service."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from pathlib import Path
+
+from echogrid.config.tables import Config
+from echogrid.core.motion.error_filter import ErrorFilter
+from echogrid.errors import EchogridError
+from echogrid.store.learned_file import car_of, keep, recall
+
+log = logging.getLogger("echogrid")
+PERIOD = 60.0  # s between two writings: a car may lose power at any time
+
+
+class LearnedKeeper:
+    """Remembers the file and whether it could be written."""
+
+    def __init__(self, path: Path, config: Config, errors: ErrorFilter, lock: threading.Lock) -> None:
+        """Recalls what an earlier run has kept, if the configuration is still the same. `lock` is held by who changes `errors`.
+
+        Raises EchogridError where the path is something else.
+        """
+        self.path = path
+        self.errors = errors
+        self.lock = lock
+        self.car = car_of(config)
+        self._fails = False
+        kept = recall(path, self.car, len(errors.keep().mean))
+        if kept is not None:
+            with lock:
+                errors.recall(kept)
+            log.info("what earlier drives have taught of the car is used: %s", path)
+
+    def run(self, stop: threading.Event) -> None:
+        """Writes every PERIOD, and at the end."""
+        while not stop.wait(PERIOD):
+            self.write()
+        self.write()
+
+    def write(self) -> None:
+        """Raises nothing: mapping continues without, and the first failure is logged."""
+        with self.lock:
+            kept = self.errors.keep()
+        try:
+            keep(self.path, self.car, kept)
+        except EchogridError as error:
+            if not self._fails:
+                log.warning("%s", error)
+            self._fails = True
+        else:
+            self._fails = False

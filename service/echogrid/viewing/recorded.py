@@ -1,0 +1,142 @@
+"""A recording as a tape: a drive through the whole chain, or what a service published, out of an MCAP file."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echogrid.can.signals import bus_of
+from echogrid.config.loading import load_config
+from echogrid.core.map.map_delta import Rectangle
+from echogrid.core.map.tiled_map import LogOdds
+from echogrid.errors import EchogridError
+from echogrid.logs.drive import Drive, load_truth
+from echogrid.logs.log import Log
+from echogrid.pipeline import Pipeline
+from echogrid.recording.published import Published
+from echogrid.topics.announcer import MAP_FRAME, Announcer, Snapshot, Snapshots, occupancy_percent
+from echogrid.topics.grids import Grid
+from echogrid.viewing.scene import Frames, Scene
+from echogrid.viewing.tape import Tape
+from echogrid.viewing.wire import Plane
+
+SECOND = 10**9  # ns
+UNKNOWN, LEARNED, MEASURED = 0, 1, 2
+
+
+class DriveFeed:
+    """Maps a drive in `run`, as fast as it goes, and puts on the tape what the page shows of it, the map's age and origin too."""
+
+    def __init__(self, drive: Drive, model: str | None) -> None:
+        """Raises EchogridError for a configuration or a log that cannot be used."""
+        self.tape = Tape()
+        self._config = load_config(drive.config, model)
+        self._pipeline = Pipeline(self._config, drive.config)
+        self._log = Log(drive.log)
+        self._truth = load_truth(drive.truth)
+        planes = ["OCCUPANCY", "SOURCE", "SEEN"] + (["TRUTH"] if self._truth is not None and self._truth.map is not None else [])
+        name = drive.config.parent.name if drive.log.parent == drive.config.parent else drive.log.name
+        self._scene = Scene({"shown": "drive", "name": name, "planes": planes, "timeline": True, "truth": self._truth is not None})
+        self._second: int | None = None  # of the drive, in which status and planes were told
+        self._counted = (0, 0, 0)  # stamp in ns, cycles and frames of the last status
+
+    def run(self, stop: threading.Event) -> None:
+        """Until the end, or `stop`. Raises EchogridError for a recording that is torn, or gives no map; what came before is on the tape."""
+        snapshots, announcer = Snapshots(), Announcer(self._config, self._pipeline.model.why)
+        frames = self._scene.meta(announcer.about()) + self._true()
+        for message in self._log:
+            if stop.is_set():
+                return
+            update = self._pipeline.add(bus_of(message, self._config.bus) or "", message)
+            if update is None:
+                continue
+            snapshot = snapshots.take(self._pipeline.mapper, update, self._config.publish)
+            if snapshot is not None:
+                frames += self._shown(snapshot)
+                self.tape.add(update.ego.stamp_ns, frames, self._scene)
+                self.tape.done, frames = self._log.progress, []
+        self.tape.done = 1.0
+        if not self.tape.end:
+            raise EchogridError(f"{self._log.path}: no map came of it; `echogrid check` says why")
+
+    def _true(self) -> Frames:
+        truth = self._truth
+        if truth is None:
+            return []
+        if truth.map is None:
+            return self._scene.truth(truth.poses[:, :2], None, 0, 0)
+        cell = self._config.grid.cell
+        row, column = round(truth.map.origin[1] / cell), round(truth.map.origin[0] / cell)
+        return self._scene.truth(truth.poses[:, :2], occupancy_percent(truth.map.log_odds), row, column)
+
+    def _shown(self, snapshot: Snapshot) -> Frames:
+        update, scene, cell = snapshot.update, self._scene, self._config.grid.cell
+        ego, judged, seen = update.ego, update.judged, snapshot.seen
+        frames = scene.pose(ego.stamp_ns, ego.odom_from_base, ego.speed, ego.yaw_rate)
+        frames += scene.detections(ego.stamp_ns, judged.points, judged.radars, judged.verdicts)
+        grid = Grid(ego.stamp_ns, MAP_FRAME, cell, (seen.column * cell, seen.row * cell), occupancy_percent(snapshot.log_odds))
+        frames += scene.window(grid, snapshot.epoch)
+        second = ego.stamp_ns // SECOND
+        if second != self._second:
+            self._second = second
+            frames += self._planes(seen, snapshot.log_odds) + scene.status(self._status(ego.stamp_ns), ego.stamp_ns)
+        return frames
+
+    def _planes(self, where: Rectangle, log_odds: LogOdds) -> Frames:
+        """What is measured and what is learned only; when each cell was last in view."""
+        occupancy = self._pipeline.mapper.map
+        source = origin_of(log_odds, occupancy.measured(occupancy.window_of_layers(*where)))
+        seen_s, _ = occupancy.window_of_views(*where)
+        row, column = where.row, where.column
+        return self._scene.cells(Plane.SOURCE, row, column, source) + self._scene.cells(Plane.SEEN, row, column, seen_s)
+
+    def _status(self, stamp_ns: int) -> dict[str, Any]:
+        """As a service says it; rates are per second of the drive."""
+        state, epoch, health = self._pipeline.state(0), self._pipeline.mapper.epoch, self._pipeline.health
+        last, self._counted = self._counted, (stamp_ns, health.cycles, health.frames)
+        span = (stamp_ns - last[0]) * 1e-9
+        rates = {"map_hz": (health.cycles - last[1]) / span, "frames_hz": (health.frames - last[2]) / span} if last[2] and span > 0 else {}
+        return {"state": state.name, "reasons": state.reasons, "epoch": epoch, "rates": rates, "buses": {}, **asdict(health)}
+
+
+class McapFeed:
+    """Puts on the tape what a service published, in the file's order."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises EchogridError for a file that cannot be read, or holds no map."""
+        self.tape = Tape()
+        self._published = Published(path)
+        self._scene = Scene({"shown": "drive", "name": path.name, "planes": ["OCCUPANCY"], "timeline": True})
+
+    def run(self, stop: threading.Event) -> None:
+        """As DriveFeed's."""
+        scene, frames, epoch = self._scene, list[bytes](), 0
+        for item in self._published:
+            if stop.is_set():
+                return
+            if item.status is not None:
+                epoch = item.status.get("epoch", 0)
+                frames += scene.status(item.status, item.stamp_ns)
+            if item.meta is not None:
+                frames += scene.meta(item.meta)
+            if item.odometry is not None:
+                frames += scene.pose(item.stamp_ns, item.odometry.pose, item.odometry.speed, item.odometry.yaw_rate)
+            if item.judged is not None:
+                frames += scene.detections(item.stamp_ns, item.judged.points, item.judged.radars, item.judged.verdicts)
+            if item.window is not None:
+                frames += scene.window(item.window, epoch)
+                self.tape.add(item.stamp_ns, frames, scene)
+                self.tape.done, frames = self._published.progress, []
+        self.tape.done = 1.0
+        if not self.tape.end:
+            raise EchogridError(f"{self._published.path}: holds no map of echogrid: nothing was published on /echogrid/map")
+
+
+def origin_of(log_odds: LogOdds, measured: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """UNKNOWN, LEARNED or MEASURED of each cell."""
+    return np.where(log_odds == 0, UNKNOWN, np.where(measured, MEASURED, LEARNED)).astype(np.uint8)

@@ -1,0 +1,80 @@
+"""Range rates of standing things against errors of wheels, gyro and mounts: derivatives, ambiguity, and what may not be learned."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.support.driven import MOUNTS
+
+from echogrid.core.messages import RadarScan
+from echogrid.core.motion.error_filter import ErrorFilter
+from echogrid.core.motion.error_model import BIAS, TRACK, TURN_SCALE, UNEVEN
+from echogrid.core.motion.odometry import EgoState
+from echogrid.core.motion.se2 import IDENTITY
+from echogrid.core.radar.doppler_errors import DopplerErrors, equations, rows_of
+from echogrid.core.radar.placed_scan import PlacedScan
+from echogrid.core.radar.static_gate import GateNoise, static_range_rate
+
+NOISE = GateNoise()
+EGO = EgoState(1_000_000_000, IDENTITY, 9.0, 0.3)
+
+
+def placed(name: str, rate_off: float = 0.0, ambiguity: float = 0.0, stamp_ns: int = EGO.stamp_ns) -> PlacedScan:
+    azimuth = np.linspace(-1.2, 1.2, 25)
+    rate, _ = static_range_rate(azimuth, MOUNTS[name], EGO.speed, EGO.yaw_rate)
+    scan = RadarScan(name, stamp_ns, stamp_ns, np.full(25, 9.0), azimuth, rate + rate_off, np.zeros(25), ambiguity)
+    return PlacedScan(scan, MOUNTS[name], replace(EGO, stamp_ns=stamp_ns), np.zeros(25), scan)
+
+
+def test_derivatives_equal_finite_differences() -> None:
+    rng = np.random.default_rng(1)
+    errors = ErrorFilter(tuple(MOUNTS))
+    errors.acceleration, errors.turn_acceleration = 0.7, -0.2
+    one = placed("front_right")
+    rows = rows_of(errors, "front_right")
+    errors.mean[rows] = rng.normal(0.0, 0.01, len(rows))
+    slope, _, _ = equations(one, errors, NOISE)
+    for n, row in enumerate(rows):
+        ends = []
+        for step in (-1e-5, 1e-5):
+            errors.mean[row] += step
+            ends.append(equations(one, errors, NOISE)[1])
+            errors.mean[row] -= step
+        np.testing.assert_allclose(slope[:, n], (ends[0] - ends[1]) / 2e-5, atol=1e-6)
+
+
+def test_without_errors_nothing_is_left_of_what_stands() -> None:
+    _, left, weight = equations(placed("rear_left"), ErrorFilter(tuple(MOUNTS)), NOISE)
+    np.testing.assert_allclose(left, 0.0, atol=1e-12)
+    assert (weight > 0).all()
+
+
+def test_range_rates_are_taken_modulo_their_ambiguity() -> None:
+    _, left, _ = equations(placed("rear_left", rate_off=3 * 12.5 + 0.05, ambiguity=12.5), ErrorFilter(tuple(MOUNTS)), NOISE)
+    np.testing.assert_allclose(left, 0.05, atol=1e-9)
+
+
+def test_what_moves_has_no_weight() -> None:
+    _, _, weight = equations(placed("rear_left", rate_off=4.0), ErrorFilter(tuple(MOUNTS)), NOISE)
+    assert not weight.any()
+
+
+def test_doppler_moves_no_error_of_gyro_and_rear_axle() -> None:
+    errors = ErrorFilter(tuple(MOUNTS))
+    before = errors.mean.copy()
+    DopplerErrors().add([placed(name, rate_off=0.1) for name in MOUNTS], errors, NOISE)
+    untouched = [BIAS, TURN_SCALE, TRACK, UNEVEN]
+    assert (errors.mean[untouched] == before[untouched]).all()
+    assert (errors.mean != before).any()
+    np.testing.assert_allclose(np.diag(errors.covariance)[untouched], np.diag(ErrorFilter(tuple(MOUNTS)).covariance)[untouched])
+
+
+@pytest.mark.parametrize(("later_ns", "used"), [(100_000_000, False), (200_000_000, True)])
+def test_scans_that_only_repeat_what_was_said_are_left_out(later_ns: int, used: bool) -> None:
+    errors, doppler = ErrorFilter(tuple(MOUNTS)), DopplerErrors()
+    doppler.add([placed("rear_left")], errors, NOISE)
+    before = errors.covariance.copy()
+    doppler.add([placed("rear_left", stamp_ns=EGO.stamp_ns + later_ns)], errors, NOISE)
+    assert (errors.covariance != before).any() == used

@@ -1,0 +1,62 @@
+"""One run of the service begins with what the one before has learned, unless the configuration has changed."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from tests.support import world
+
+from echogrid.config.loading import load_config
+from echogrid.config.tables import Config
+from echogrid.core.motion.error_filter import ErrorFilter
+from echogrid.live.learned_keeper import LearnedKeeper
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Config:
+    return load_config(world.write_drive(tmp_path, []) / "echogrid.toml")
+
+
+def filter_of(config: Config) -> ErrorFilter:
+    return ErrorFilter([radar.name for radar in config.radar])
+
+
+def stopped() -> threading.Event:
+    stop = threading.Event()
+    stop.set()
+    return stop
+
+
+def test_a_stop_before_the_end_of_a_run_is_not_needed_in_the_next(config: Config, tmp_path: Path) -> None:
+    path, first, second = tmp_path / "map.learned.json", filter_of(config), filter_of(config)
+    keeper = LearnedKeeper(path, config, first, threading.Lock())
+    first.stood(10.0, 0.007)
+    keeper.run(stopped())
+    LearnedKeeper(path, config, second, threading.Lock())
+    assert second.bias == pytest.approx(0.007, rel=0.01)
+    grown = np.diag(second.covariance) - np.diag(first.covariance)
+    assert (grown[3:] >= -1e-18).all()  # since then the errors have wandered
+    assert not second.covariance[:3].any()
+
+
+def test_with_another_mount_all_begins_anew(config: Config, tmp_path: Path) -> None:
+    path, first, second = tmp_path / "map.learned.json", filter_of(config), filter_of(config)
+    keeper = LearnedKeeper(path, config, first, threading.Lock())
+    first.stood(10.0, 0.007)
+    keeper.write()
+    turned = (msgspec.structs.replace(config.radar[0], yaw_deg=1.0), *config.radar[1:])
+    LearnedKeeper(path, msgspec.structs.replace(config, radar=turned), second, threading.Lock())
+    assert second.bias == 0.0
+
+
+def test_a_disk_that_cannot_be_written_is_logged_once(config: Config, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    keeper = LearnedKeeper(tmp_path / "gone" / "map.learned.json", config, filter_of(config), threading.Lock())
+    with caplog.at_level(logging.WARNING):
+        keeper.write()
+        keeper.write()
+    assert len(caplog.records) == 1

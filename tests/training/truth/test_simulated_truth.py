@@ -1,0 +1,37 @@
+"""The truth of a simulated drive: the lidar's turns are of the time they are asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.support.tiny_drives import room_drive
+from tests.support.tiny_towns import track
+
+from echogrid.core.motion.se2 import SE2
+from echogrid_training.recording import LidarTurns
+from echogrid_training.sensors.lidar import AZIMUTHS
+from echogrid_training.truth.ground_truth import TruthMap
+from echogrid_training.truth.simulated_truth import SimulatedTruth, load_simulated_truth
+
+MS = 1_000_000  # ns
+
+
+@pytest.mark.parametrize(("now_ms", "turn"), [(0, 0), (99, 0), (100, 1), (199, 1), (250, 2), (-5, 0)])
+def test_a_turn_is_never_of_the_future(now_ms: int, turn: int) -> None:
+    """Unless there is none before."""
+    ranges = np.array([[1.0], [2.0], [3.0]]) * np.ones(AZIMUTHS)
+    turns = LidarTurns(np.array([0, 100, 200]) * MS, ranges)
+    poses = np.array([(0.0, 0.0, 0.0), (3.0, 0.0, 0.0)])
+    truth = SimulatedTruth(np.array([0, 300]) * MS, poses, TruthMap(np.zeros((1, 1), np.float32), (0.0, 0.0), 0.25), turns)
+    assert truth.lidar_at(now_ms * MS)[0] == turn + 1.0
+    if now_ms >= 0:  # its returns lie where it saw them from: the lidar is 1.35 m ahead of base, which drives a metre a turn
+        centre = truth.lidar_points(now_ms * MS, SE2(0.0, 0.0, 0.0)).mean(axis=0)
+        np.testing.assert_allclose(centre, (1.35 + turn, 0.0), atol=1e-6)
+
+
+def test_a_drive_keeps_every_turn(tmp_path: Path) -> None:
+    truth = load_simulated_truth(room_drive(tmp_path / "drive", track(1.0, speed=2.0)) / "truth.npz")
+    np.testing.assert_array_equal(np.diff(truth.lidar.stamp_ns), 100 * MS)
+    assert len(truth.lidar.stamp_ns) == 10
