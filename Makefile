@@ -70,7 +70,7 @@ demo-drive: .venv/.develop
 	$(PYTHON) -m venv .venv
 	@touch $@
 
-.venv/.service: .venv/.python requirements/service.txt requirements/build.txt pyproject.toml
+.venv/.service: .venv/.python requirements/service.txt requirements/build.txt pyproject.toml hatch_build.py service/echogrid/core/kernels/compiled.c
 	@echo "== the service and what it needs"
 	$(BIN)/pip install --quiet --require-hashes -r requirements/service.txt -r requirements/build.txt
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .

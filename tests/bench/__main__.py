@@ -8,11 +8,11 @@ from __future__ import annotations
 import io
 import json
 import statistics
+import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -49,23 +49,24 @@ from echogrid.topics.announcer import Announcer, Snapshots, occupancy_percent
 from echogrid.topics.grids import Grid, encode_grid
 from echogrid_training.drives import campaign
 from echogrid_training.drives.samples import samples
+from tests.bench.kernels import kernels
 from tests.support.frames import frame, radar_cycle
 from tests.support.places import ROOT
 
 DEMO = ROOT / "service" / "echogrid" / "demo_drive"
-ANALYTIC = "rasterise and analytic model, beams of new cells included"
+ANALYTIC = "rasterise and analytic model"
 EVERY = 40  # updates that a map takes, of which one is looked at closely
 
 
 def median_us(work: Callable[[], Any], repeats: int = 200) -> float:
-    """Median time of one call in microseconds, after ten calls to warm up."""
+    """Median processor time of one call in microseconds, after ten calls to warm up: what else the machine does costs no time."""
     for _ in range(10):
         work()
     times = []
     for _ in range(repeats):
-        start = time.perf_counter()
+        start = time.thread_time()
         work()
-        times.append(time.perf_counter() - start)
+        times.append(time.thread_time() - start)
     return statistics.median(times) * 1e6
 
 
@@ -91,6 +92,8 @@ def decoding() -> dict[str, float]:
     cycles = iter([radar_cycle(detections, number, 1.0 + number) for number in range(1, 220)])
     ford_path = find("ford_mrr", Path())
     mrr = RadarReader("mrr", load_radar(ford_path), Dbc(ford, ford_path), 0, SensorHealth())
+    fd = cantools.database.load_file(path.parent / str(profile.dbc), strict=False)
+    fd_cycle = [(fd.get_message_by_frame_id(message.arbitration_id), bytes(message.data)) for message in radar_cycle(detections, 1, 1.0)]
     mrr_frames = [frame(message.frame_id, payload, 1.0) for message, payload in pairs]
     return {
         "ours, batch": median_us(lambda: ours.decode(stack(payloads, 8))),
@@ -100,6 +103,7 @@ def decoding() -> dict[str, float]:
         "ours, FD cycle to scan (9 frames, 64 detections, CRC)": median_us(
             lambda: [radar.add(message, round(message.timestamp * 1e9)) for message in next(cycles)]
         ),
+        "cantools, decoding those 9 frames alone": median_us(lambda: [m.decode(data, decode_choices=False) for m, data in fd_cycle]),
     }
 
 
@@ -113,9 +117,9 @@ def stages() -> dict[str, float]:
 
     def timed(stage: str, work: Callable[..., Any]) -> Callable[..., Any]:
         def run(*arguments: Any, **named: Any) -> Any:
-            start = time.perf_counter()
+            start = time.thread_time()
             result = work(*arguments, **named)
-            spent[stage] = spent.get(stage, 0.0) + time.perf_counter() - start
+            spent[stage] = spent.get(stage, 0.0) + time.thread_time() - start
             return result
 
         return run
@@ -127,17 +131,17 @@ def stages() -> dict[str, float]:
     around = timed("window to publish", mapper.map.around)
     mapper.history.add = timed("history", mapper.history.add)  # type: ignore[method-assign]
     mapper.history.surroundings = timed("history", mapper.history.surroundings)  # type: ignore[method-assign]
-    functions = {"deviation": "gate by range rate", "beside_movers": "gate beside movers"}
-    with ExitStack() as patches:
-        for name, stage in functions.items():
-            patches.enter_context(mock.patch.object(mapper_module, name, timed(stage, getattr(mapper_module, name))))
+    gate = {"place, with the gate by range rate": "_place", "trust": "_trusted"}
+    for stage, name in gate.items():
+        setattr(mapper, name, timed(stage, getattr(mapper, name)))
+    with mock.patch.object(mapper_module, "beside_movers", timed("gate beside movers", mapper_module.beside_movers)):
         for message in Log(drive.log):
             update = pipeline.add(bus_of(message, config.bus) or "", message)
             if update is not None:
                 around(update.ego.odom_from_base, config.publish.window_cells)
     updates = pipeline.health.cycles
     whole = spent.pop("whole update")
-    inside = sum(spent[stage] for stage in (*functions.values(), "history", "rasterise and inverse sensor model", "integrate"))
+    inside = sum(spent[stage] for stage in (*gate, "gate beside movers", "history", "rasterise and inverse sensor model", "integrate"))
     spent["poses, transforms and the rest"] = whole - inside
     return {stage: seconds / updates * 1e6 for stage, seconds in spent.items()}
 
@@ -245,11 +249,17 @@ def main() -> None:
     """All tables."""
     if sys.version_info >= (3, 13):
         sys.exit("make bench: opendbc, beside which decoding is measured, refuses Python 3.13; expected a .venv of Python 3.11 or 3.12")
-    decoders, parts, costs, kept, simulation = decoding(), stages(), models(), keeping(), simulating()
+    decoders, loops, parts, costs, kept = decoding(), kernels(), stages(), models(), keeping()
+    simulation = simulating()
+    alone = subprocess.run([sys.executable, "-m", "tests.bench.live", "30"], cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
+    running: dict[str, float] = json.loads(alone.stdout)  # of a process that holds nothing else
     reference = decoders["ours, batch"]
     print("decoding one 64-frame cycle")
     for name, value in decoders.items():
         print(f"  {name:<56}{value:9.1f} us{value / reference:8.1f} x")
+    print("loops, on what the demo drive gives them")
+    for name, (compiled_us, numpy_us) in loops.items():
+        print(f"  {name:<56}{compiled_us:9.1f} us{numpy_us:9.1f} us in numpy{compiled_us / numpy_us:8.2f} x")
     print("one map update of the demo drive")
     for name, value in parts.items():
         print(f"  {name:<56}{value:9.1f} us")
@@ -261,13 +271,28 @@ def main() -> None:
     print("one tile, one window")
     for name, value in kept.items():
         print(f"  {name:<56}{value:9.1f}" + ("" if "KiB" in name else " us"))
+    print("the running service, 30 s in real time")
+    for name, value in running.items():
+        print(f"  {name:<56}{value:9.3f}")
     print("simulating")
     for name, value in simulation.items():
         print(f"  {name:<56}{value:9.2f}")
     out = ROOT / "out"
     out.mkdir(exist_ok=True)
     (out / "bench.json").write_text(
-        json.dumps({"decode_us": decoders, "update_us": parts, "models_us": costs, "keep": kept, "simulate": simulation}, indent=2) + "\n"
+        json.dumps(
+            {
+                "decode_us": decoders,
+                "kernels_us": loops,
+                "live": running,
+                "update_us": parts,
+                "models_us": costs,
+                "keep": kept,
+                "simulate": simulation,
+            },
+            indent=2,
+        )
+        + "\n"
     )
 
 

@@ -70,11 +70,11 @@ def test_log_odds_are_of_occupied_among_the_observable_and_the_weight_is_how_lik
 
 def test_weights_stay_numbers_where_logits_are_huge(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     model = read(write(tmp_path / "net.onnx", *networks.default()))
-    huge = np.array([(1e4, -1e4, 0.0), (-1e4, 1e4, 0.0), (0.0, 0.0, 0.0), (-1e4, -1e4, 1e4)], dtype=np.float32).T[..., None]
-    monkeypatch.setattr(model, "run", lambda _: huge)
-    log_odds, weight = model.answer(image(1))
-    np.testing.assert_allclose(weight[:, 0], [1.0, 0.0, 2 / 3, 1.0], atol=1e-6)
-    assert log_odds[:, 0].tolist() == [-1e4, 1e4, 0.0, 2e4]
+    huge = np.array([(1e4, -1e4, 0.0), (-1e4, 1e4, 0.0), (0.0, 0.0, 0.0), (-1e4, -1e4, 1e4)], dtype=np.float32).T  # four cells, folded
+    monkeypatch.setattr(model, "_output", lambda _: huge.reshape(1, 12, 1, 1))
+    log_odds, weight = model.answer(np.zeros((12, 2, 2), np.uint8)).reshape(2, 4)
+    np.testing.assert_allclose(weight, [1.0, 0.0, 2 / 3, 1.0], atol=1e-6)
+    assert log_odds.tolist() == [-1e4, 1e4, 0.0, 2e4]
 
 
 def test_folding_moves_each_cell_of_a_block_into_a_channel() -> None:

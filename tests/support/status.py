@@ -20,6 +20,7 @@ def status(state: str = "ok", *reasons: str) -> dict[str, Any]:
         "reasons": reasons,
         "epoch": 2,
         "model": 'default.onnx: "float" is\\as fast here',
+        "kernels": "compiled",
         "buses": {"chassis": asdict(BusHealth(10, 11, 12, 13, 14, True)), "radars": asdict(BusHealth(20, 21, 22, 23, 24, False))},
         "rates": {"map_hz": 19.5, "frames_hz": 4120.25},
         "latency_ms": {"p50": 12.5, "p99": 31.25},

@@ -1,8 +1,7 @@
 """Signals out of CAN payloads, many frames at once: a decoder compiled from the DBC.
 
-Each signal is at most 64 bits somewhere in the payload. From the byte of its least significant bit on, upwards for Intel and downwards
-for Motorola byte order, eight bytes make a little-endian word that holds the signal `shift` bits above zero; a ninth byte is needed
-where shift + length exceeds 64. Each row holds the payload forwards and backwards, so that both byte orders read upwards.
+Each signal is at most 64 bits somewhere in the payload: from the byte of its least significant bit on, upwards for Intel and downwards for
+Motorola byte order.
 """
 
 from __future__ import annotations
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echogrid.can.database import Message, Ranges, Signal
+from echogrid.core.kernels.dispatch import loops
 
 WORD = 8  # bytes read for a signal
 MARGIN = WORD + 1  # zero bytes after a payload, so that no word leaves the row
@@ -40,6 +40,8 @@ class SignalLayout:
 
     def raw(self, payload: bytes) -> int:
         """The signal's raw value in one payload. Only for integer signals."""
+        if self.shift + self.length <= 8 and not self.is_signed:
+            return payload[self.lsb_byte] >> self.shift & ((1 << self.length) - 1)
         if self.step > 0:
             word = int.from_bytes(payload[self.lsb_byte : self.lsb_byte + MARGIN], "little")
         else:
@@ -142,41 +144,20 @@ class BatchDecoder:
 
     def _compile(self) -> None:
         layouts = self.layouts
-        backwards = self.length + MARGIN  # where the reversed payload begins in a row
-        first = [layout.lsb_byte if layout.step > 0 else backwards + self.length - 1 - layout.lsb_byte for layout in layouts]
-        self._first = np.array(first, dtype=np.intp)  # byte of each signal's word in a row
-        self._shift = np.array([layout.shift for layout in layouts], dtype=np.uint64)
-        self._wide = np.flatnonzero([layout.shift + layout.length > 64 for layout in layouts])
-        bits = [layout.length for layout in layouts]
-        self._mask = np.array([(1 << length) - 1 for length in bits], dtype=np.uint64)
-        sign = [(1 << (layout.length - 1)) if layout.is_signed else 0 for layout in layouts]
-        self._sign = np.array(sign, dtype=np.uint64)
-        self._scale = np.array([layout.scale for layout in layouts], dtype=np.float64)
-        self._offset = np.array([layout.offset for layout in layouts], dtype=np.float64)
+        places = [(layout.lsb_byte, layout.step, layout.shift, layout.length, layout.is_signed) for layout in layouts]
+        self._places = np.array(places, dtype=np.int64).reshape(-1, 5)
+        self._linear = np.array([(layout.scale, layout.offset) for layout in layouts], dtype=np.float64).reshape(-1, 2)
         self._floats = [(column, layout.length) for column, layout in enumerate(layouts) if layout.is_float]
         self._unsigned64 = [c for c, layout in enumerate(layouts) if layout.length == 64 and not layout.is_signed]
         self._big = [column for column, layout in enumerate(layouts) if _may_exceed_float(layout)]
 
-    def bits(self, payloads: NDArray[np.uint8]) -> NDArray[np.uint64]:
-        """(N, columns) raw bits of every signal, not sign-extended."""
-        count, length, width = len(payloads), self.length, 2 * (self.length + MARGIN)
-        rows = np.zeros((count, width), dtype=np.uint8)
-        rows[:, :length] = payloads
-        rows[:, length + MARGIN : -MARGIN] = payloads[:, ::-1]
-        overlapping = np.ndarray((count, width - WORD + 1), "<u8", rows, strides=(width, 1))  # the word that begins at each byte
-        words = overlapping[:, self._first]
-        words >>= self._shift
-        for column in self._wide:
-            words[:, column] |= rows[:, self._first[column] + WORD].astype(np.uint64) << (np.uint64(64) - self._shift[column])
-        words &= self._mask
-        return words
-
     def decoded(self, payloads: NDArray[np.uint8]) -> Decoded:
         """All there is to say of the payloads."""
-        bits = self.bits(payloads)
-        raw = ((bits ^ self._sign) - self._sign).view(np.int64)
-        values = self._physical(bits, raw)
-        there = np.ones(values.shape, dtype=np.bool_)
+        shape = (len(payloads), len(self.layouts))
+        bits, raw, values, there = np.empty(shape, np.uint64), np.empty(shape, np.int64), np.empty(shape), np.empty(shape, np.bool_)
+        loops.signals(payloads, self._places, self._linear, bits, raw, values, there)
+        if self._floats or self._unsigned64 or self._big:
+            self._rewrite(bits, raw, values)
         for column, selector, ids in self._conditions:
             chosen = np.trunc(values[:, selector])
             there[:, column] &= np.logical_or.reduce([(first <= chosen) & (chosen <= last) for first, last in ids])
@@ -187,24 +168,24 @@ class BatchDecoder:
             for array in (values, raw, there):
                 array[rows, column] = array[rows, other]
         count = len(self.names)
+        if count == len(self.layouts):
+            return Decoded(values, raw, there)
         return Decoded(values[:, :count], raw[:, :count], there[:, :count])
 
     def decode(self, payloads: NDArray[np.uint8]) -> NDArray[np.float64]:
         """(N, signals) physical values in the DBC's units, in the order of `names`."""
         return self.decoded(payloads).physical
 
-    def _physical(self, bits: NDArray[np.uint64], raw: NDArray[np.int64]) -> NDArray[np.float64]:
-        values = raw.astype(np.float64)
-        for column in self._unsigned64:
-            values[:, column] = bits[:, column]
+    def _rewrite(self, bits: NDArray[np.uint64], raw: NDArray[np.int64], values: NDArray[np.float64]) -> None:
+        """The columns whose raw value is no int64, or whose product a float does not hold."""
         with np.errstate(over="ignore", invalid="ignore"):  # any bits may be a float's: infinite and NaN are answers
+            for column in self._unsigned64:
+                values[:, column] = bits[:, column] * self._linear[column, 0] + self._linear[column, 1]
             for column, length in self._floats:
-                values[:, column] = bits[:, column].astype(f"<u{length // 8}").view(f"<f{length // 8}")
-            values *= self._scale
-            values += self._offset
+                found = bits[:, column].astype(f"<u{length // 8}").view(f"<f{length // 8}").astype(np.float64)
+                values[:, column] = found * self._linear[column, 0] + self._linear[column, 1]
         for column in self._big:
             values[:, column] = self._exactly(column, bits[:, column], raw[:, column])
-        return values
 
     def _exactly(self, column: int, bits: NDArray[np.uint64], integers: NDArray[np.int64]) -> list[float]:
         """In Python's numbers, whose integers are not rounded."""

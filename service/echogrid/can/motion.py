@@ -67,7 +67,8 @@ class MotionReader:
     def add(self, message: can.Message, received_ns: int) -> list[EgoMotion]:
         """What the frame says of the motion. Raises ValueError for a bad frame, which changes nothing."""
         frame_id = (message.arbitration_id, message.is_extended_id)
-        payload = self.checks[frame_id].payload(message)
+        check = self.checks[frame_id]
+        payload = check.payload(message)
         motion: list[EgoMotion] = []
         reverse = self.reverse
         if frame_id == self.direction_id and self.direction is not None and self.profile.direction is not None:
@@ -82,9 +83,9 @@ class MotionReader:
         if frame_id == self.yaw_id:
             yaw_rate = float(self.yaw_rate.read([payload])["yaw_rate"][0]) - self.yaw_rate_bias
             motion.append(YawRate(received_ns - self.yaw_latency_ns, yaw_rate))
-        if any(math.isnan(m.speed if isinstance(m, Speed) else m.yaw_rate) for m in motion):
-            raise ValueError("invalid value")
-        check = self.checks[frame_id]
+        for sample in motion:
+            if math.isnan(sample.speed if isinstance(sample, Speed) else sample.yaw_rate):
+                raise ValueError("invalid value")
         continues = check.accept(payload, received_ns)
         self.health.lost_frames += check.missing
         self.reverse = reverse
@@ -111,7 +112,7 @@ class _FrameCheck:
 
     def payload(self, message: can.Message) -> bytes:
         """The message's bytes; raises ValueError if they are bad."""
-        payload = bytes(message.data[: self.length])
+        payload = bytes(message.data)[: self.length]
         if len(payload) < self.length:
             raise ValueError("too short")
         if self.crc is not None and not self.crc.holds(payload):

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from echogrid.can.database import Message
 from echogrid.can.dbc import Dbc
 from echogrid.can.decode import BatchDecoder, same_layout, stack
 from echogrid.can.profile import Quantity, Valid
+from echogrid.core.kernels.dispatch import loops
 from echogrid.core.messages import Floats
 from echogrid.errors import EchogridError
 
@@ -39,12 +38,11 @@ class QuantityReader:
     ) -> None:
         """Raises EchogridError where a signal is missing or the messages' layouts differ."""
         self.quantities = quantities
-        self.valid = valid
         self.per_frame = per_frame
         flags = [flag for q in quantities.values() for flag in (q.valid, q.negative_if) if flag is not None]
         flags += [valid] if valid is not None else []
         templates = dict.fromkeys([q.signal for q in quantities.values()] + [flag.signal for flag in flags])
-        self._row = {template: row for row, template in enumerate(templates)}
+        self._compile({template: row for row, template in enumerate(templates)}, valid)
         decoders = []
         for n, message in enumerate(messages, first_n):
             names = [fill(template, key, dbc, n=n, k=k) for template in templates for k in range(first_k, first_k + per_frame)]
@@ -59,38 +57,34 @@ class QuantityReader:
                     "expected the same for all"
                 )
 
-    @np.errstate(over="ignore", invalid="ignore")  # of floats that are garbage
     def read(self, payloads: Sequence[bytes]) -> dict[str, Floats]:
         """(N * per_frame,) SI values of each quantity, frame by frame; NaN where it is absurd or not valid, by its own flag or all."""
-        physical, raw_, there_ = self._decoder.decoded(stack(payloads, self._decoder.length))
-        values, raw, there = self._by_template(physical), self._by_template(raw_), self._by_template(there_)
-        everywhere = None if self.valid is None else self._flagged(self.valid, raw, there)
-        out = {}
-        for name, quantity in self.quantities.items():
-            value = values[self._row[quantity.signal]] * quantity.factor + quantity.offset
-            if quantity.negative_if is not None:
-                value = np.where(self._flagged(quantity.negative_if, raw, there), -value, value)
-            if quantity.valid is not None:
-                value[~self._flagged(quantity.valid, raw, there)] = np.nan
-            if everywhere is not None:
-                value[~everywhere] = np.nan
-            value[~(np.abs(value) < GREATEST)] = np.nan
-            out[name] = value
-        return out
+        physical, raw, there = self._decoder.decoded(stack(payloads, self._decoder.length))
+        out = np.empty((len(self._plan), len(payloads) * self.per_frame))
+        loops.quantities(
+            physical, raw, there, self.per_frame, self._plan, self._units, self._flags, self._numbers, self._everywhere, GREATEST, out
+        )
+        return dict(zip(self.quantities, out, strict=True))
 
-    def _by_template(self, columns: NDArray[Any]) -> NDArray[Any]:
-        """(N, columns) to (templates, N * per_frame)."""
-        return columns.reshape(-1, len(self._row), self.per_frame).transpose(1, 0, 2).reshape(len(self._row), -1)
+    def _compile(self, row: Mapping[str, int], valid: Valid | None) -> None:
+        """As `loops.quantities` wants it. `row`: of each signal."""
+        flags, numbers = list[tuple[int, bool, int, int]](), list[int]()
 
-    def _flagged(self, flag: Valid, raw: NDArray[np.int64], there: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Where the flag is there and holds."""
-        values = raw[self._row[flag.signal]]
-        found = np.zeros(values.shape, dtype=np.bool_)
-        for number in flag.one_of or flag.none_of:  # numpy's isin takes ten times as long for the few that there are
-            found |= values == number
-        holds = found if flag.one_of else ~found
-        holds &= there[self._row[flag.signal]]
-        return holds
+        def number_of(flag: Valid | None) -> int:
+            if flag is None:
+                return -1
+            one_of, begin = bool(flag.one_of), len(numbers)
+            numbers.extend(number for number in flag.one_of or flag.none_of if -(2**63) <= number < 2**63)  # others no signal can be
+            flags.append((row[flag.signal], one_of, begin, len(numbers)))
+            return len(flags) - 1
+
+        quantities = self.quantities.values()
+        plan = [(row[one.signal], number_of(one.valid), number_of(one.negative_if)) for one in quantities]
+        self._everywhere = number_of(valid)
+        self._plan = np.array(plan, dtype=np.int64).reshape(-1, 3)
+        self._units = np.array([(one.factor, one.offset) for one in quantities], dtype=float).reshape(-1, 2)
+        self._flags = np.array(flags, dtype=np.int64).reshape(-1, 4)
+        self._numbers = np.array(numbers, dtype=np.int64)
 
 
 def fill(template: str, key: str, dbc: Dbc, **numbers: int) -> str:

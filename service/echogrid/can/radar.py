@@ -63,7 +63,7 @@ class RadarReader:
     def add(self, message: can.Message, received_ns: int) -> RadarScan | None:
         """The scan that this frame completes, if any. Raises ValueError for a bad frame."""
         role = self.roles[message.arbitration_id, message.is_extended_id]
-        payload = bytes(message.data[: role.length])
+        payload = bytes(message.data)[: role.length]
         if len(payload) < role.length:
             raise ValueError("too short")
         if role.kind is None:
@@ -135,9 +135,9 @@ class RadarReader:
         if limit is not None:
             values = {name: value[:limit] for name, value in values.items()}
         polar = _polar(values)
-        sound = np.isfinite(polar[0]) & np.isfinite(polar[1]) & np.isfinite(polar[2]) & (polar[0] > 0)
-        self.health.invalid += int(np.count_nonzero(~sound))
+        sound = np.isfinite(polar[0] + polar[1] + polar[2]) & (polar[0] > 0)  # the reader's values are small numbers, or NaN
         kept = np.flatnonzero(sound)
+        self.health.invalid += len(sound) - len(kept)
         if len(kept) > self.profile.max_detections:
             self.health.truncated += len(kept) - self.profile.max_detections
             nearest = np.argsort(polar[0][kept], kind="stable")[: self.profile.max_detections]

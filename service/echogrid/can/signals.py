@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from echogrid.core.health import Health, SensorHealth
 from echogrid.core.messages import EgoMotion, RadarScan
 from echogrid.errors import EchogridError
 
+NOTHING = ()
 STEP_NS = 1_000_000_000  # a frame that is older or newer than the newest by more was not reordered: it is a stray, or time has stepped
 BACK_FOR_NS = 1_000_000_000  # if frames stay older than the newest one for so long, the clock was set back
 AHEAD_FOR = 5  # frames in a row so far after it: there was a pause, or the clock was set forward
@@ -34,15 +35,17 @@ class TrafficTime:
 
     def takes(self, received_ns: int) -> bool:
         """Whether a frame's time can be trusted."""
-        if self.newest_ns is None or abs(received_ns - self.newest_ns) <= STEP_NS:
-            self.newest_ns = received_ns if self.newest_ns is None else max(received_ns, self.newest_ns)
+        newest_ns = self.newest_ns
+        if newest_ns is None or -STEP_NS <= received_ns - newest_ns <= STEP_NS:
+            if newest_ns is None or received_ns > newest_ns:
+                self.newest_ns = received_ns
             self._run_ns = None
             return True
         if self._run_ns is None or abs(received_ns - self._run_ns[1]) > STEP_NS:
             self._run_ns, self._run = (received_ns, received_ns), 0
         self._run_ns = self._run_ns[0], max(received_ns, self._run_ns[1])
         self._run += 1
-        back = received_ns < self.newest_ns
+        back = received_ns < newest_ns
         if self.waiting_ns < BACK_FOR_NS if back else self._run < AHEAD_FOR:
             return False
         self.set_back += back
@@ -95,10 +98,10 @@ class SignalReader:
         """The ids that are read on a bus, for the kernel's filter."""
         return sorted(frame_id for name, frame_id in self.readers if name == bus)
 
-    def add(self, bus: str, message: can.Message) -> list[RadarScan | EgoMotion]:
+    def add(self, bus: str, message: can.Message) -> Sequence[RadarScan | EgoMotion]:
         """What a message completes. A bad one changes nothing and is counted; an error frame is not traffic."""
         if message.is_error_frame:
-            return []
+            return NOTHING
         self.health.frames += 1
         # A float of seconds since 1970 holds microseconds, not nanoseconds. Of its fraction, 22 bits, the product is exact, so that it is
         # rounded as in a text log; rounding the whole float would give another microsecond for one frame in eight.
@@ -106,23 +109,23 @@ class SignalReader:
         received_ns = (int(seconds) * 1_000_000 + round(fraction * 1e6)) * 1000
         if not self.time.takes(received_ns):
             self.health.bad_frames += 1
-            return []
+            return NOTHING
         self.health.clock_steps = self.time.set_back
         reader = self.readers.get((bus, (message.arbitration_id, message.is_extended_id)))
         if reader is None:
             self.health.unknown_frames += 1
-            return []
+            return NOTHING
         if message.is_remote_frame:
             self.health.bad_frames += 1
-            return []
+            return NOTHING
         try:
-            if isinstance(reader, MotionReader):
-                return [*reader.add(message, received_ns)]
-            scan = reader.add(message, received_ns)
-            return [] if scan is None else [scan]
+            if isinstance(reader, RadarReader):
+                scan = reader.add(message, received_ns)
+                return NOTHING if scan is None else (scan,)
+            return reader.add(message, received_ns)
         except ValueError:
             self.health.bad_frames += 1
-            return []
+            return NOTHING
 
 
 def bus_of(message: can.Message, buses: tuple[Bus, ...]) -> str | None:

@@ -14,6 +14,7 @@ import can
 import numpy as np
 
 from echogrid.commands.state_log import StateLog
+from echogrid.core.kernels.dispatch import COMPILED, WHY
 from echogrid.core.mapper import MapUpdate
 from echogrid.core.motion.odometry import EgoState
 from echogrid.logs.drive import Truth
@@ -42,14 +43,15 @@ class Recorder:
         update = self.pipeline.add(bus, message)
         if update is not None:
             self.cycle_s.append(time.perf_counter() - before)
-        self.first_s = message.timestamp if self.first_s is None else self.first_s
-        self.last_s = max(self.last_s, message.timestamp)
+        mapper, timestamp = self.pipeline.mapper, message.timestamp
+        self.first_s = timestamp if self.first_s is None else self.first_s
+        self.last_s = max(self.last_s, timestamp)
         now = self.last_s - self.first_s
-        states = self.pipeline.mapper.odometry.states
-        if self.pipeline.mapper.epoch != self.epoch:
-            self.epoch = self.pipeline.mapper.epoch
+        states = mapper.odometry.states
+        if mapper.epoch != self.epoch:
+            self.epoch = mapper.epoch
             self.trajectory.clear()
-            self.states.new_map(now, self.pipeline.mapper.watch.why_empty or "")
+            self.states.new_map(now, mapper.watch.why_empty or "")
         if self.states.due(now):
             self.states.look(now, self.pipeline.state(0))
         if states and (not self.trajectory or states[-1].stamp_ns - self.trajectory[-1].stamp_ns >= TRAJECTORY_STEP_NS):
@@ -66,17 +68,18 @@ class Recorder:
         digest, written = write_map(out, self.pipeline.mapper.map, self.trajectory) if self.pipeline.health.cycles else (None, [])
         if self.first_s is not None:
             self.states.look(self.last_s - self.first_s, self.pipeline.state(0))
-        summary = self._summary(digest, truth) | {"faults": list(faults), "notes": list(notes)}
+        summary = self._summary(digest, "map.png" in written, truth) | {"faults": list(faults), "notes": list(notes)}
         summary["files"] = sorted([*written, "summary.json"])
         (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
         return summary
 
-    def _summary(self, digest: str | None, truth: Truth | None) -> dict[str, Any]:
+    def _summary(self, digest: str | None, known: bool, truth: Truth | None) -> dict[str, Any]:
         health = self.pipeline.health
         cycle_ms = np.array(self.cycle_s or [0.0]) * 1e3
         state = self.pipeline.state(0)
         summary: dict[str, Any] = {
             "model": self.pipeline.model.why,
+            "kernels": WHY,
             "state": state.name,
             "reasons": state.reasons,
             "worst_state": self.states.worst,
@@ -85,7 +88,7 @@ class Recorder:
             "changes_left_out": self.states.left_out,
             "epoch": self.epoch,
             "maps_begun": self.states.maps,
-            "not_to_be_trusted": self._distrust(),
+            "not_to_be_trusted": self.states.trusted() if known else "it is empty",
             "drive_s": round(self.last_s - (self.first_s or 0.0), 3),
             "wall_s": round(time.perf_counter() - self.started, 3),
             "frames": health.frames,
@@ -110,11 +113,6 @@ class Recorder:
         if truth is not None and self.trajectory:
             summary["trajectory_rmse_m"] = round(rmse(self.trajectory, truth), 3)
         return summary
-
-    def _distrust(self) -> str | None:
-        """Why the map is not to be trusted; None where it is."""
-        _, _, log_odds = self.pipeline.mapper.map.whole()
-        return self.states.trusted() if log_odds.any() else "it is empty"
 
 
 def rmse(trajectory: list[EgoState], truth: Truth) -> float:
@@ -145,6 +143,8 @@ def report(summary: dict[str, Any], out: Path) -> None:
         print(f"dead reckoning is {summary['trajectory_rmse_m']:.2f} m RMSE from the true positions")
     states = [f"{name} {seconds:.1f} s" for name, seconds in summary["seconds"].items() if seconds]
     print(f"states: {', '.join(states)}; {len(summary['maps_begun'])} new maps" if states else "states: none")
+    if not COMPILED:
+        print(f"kernels: {WHY}")
     picture = f"map: {out / 'map.png'}" if "map.png" in summary["files"] else "map: none"
     print(f"{picture}, numbers: {out / 'summary.json'}")
     if summary["not_to_be_trusted"] is not None:

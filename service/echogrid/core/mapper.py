@@ -20,7 +20,7 @@ from echogrid.core.motion.odometry import EgoState, Odometry
 from echogrid.core.radar.doppler_errors import DopplerErrors
 from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
-from echogrid.core.radar.static_gate import GateNoise, beside_movers, deviation
+from echogrid.core.radar.static_gate import GateNoise, beside_movers
 from echogrid.core.trust.motion_watch import Verdict
 from echogrid.core.trust.watch import Watch
 
@@ -140,15 +140,15 @@ class Mapper:
         ego = max((one.ego for one in placed), key=lambda ego: ego.stamp_ns)
         self.doppler.add(placed, self.odometry.errors, self.noise)
         found = self._detections(placed, ego)
-        standing = found.deviation <= self.noise.sigmas
-        beside = beside_movers(found.points, ~standing, self.noise)
-        static = found.chosen(standing & ~beside)
+        near = found.chosen(np.concatenate([one.near for one in placed]))
+        standing, beside = self._gate(near)
+        static = near.chosen(standing & ~beside)
         self.health.cycles += 1
         self.health.static_detections += len(static)
         view = self._view(placed, ego.stamp_ns)
         takes = self.map.takes(ego.odom_from_base)
         if self.map.reach:
-            self.map.measure(self._beams(placed, ego), ego.odom_from_base, view)
+            self.map.measure(self._beams(placed, found, ego), ego.odom_from_base, view)
         if takes:
             self.history.add(static, self._looks(placed, ego), ego.odom_from_base, self.odometry.distance)
             said = self.infer(self.history.surroundings(ego.odom_from_base, self._live(ego.stamp_ns)))
@@ -156,7 +156,7 @@ class Mapper:
         self.health.tiles_forgotten = self.map.forgotten
         self.watch.mapped_ns = max(one.scan.received_ns for one in placed)
         certainty = self.odometry.errors.certainty(ego.speed, ego.yaw_rate)
-        return MapUpdate(ego, static.points, certainty, self._judged(placed, found, standing, beside))
+        return MapUpdate(ego, static.points, certainty, self._judged(placed, near, standing, beside))
 
     def _start_new_map(self, why: str) -> None:
         """Another map: where the car is in the old one is not known any more."""
@@ -177,10 +177,7 @@ class Mapper:
             ego = self.odometry.at(scan.stamp_ns)
             if ego is None:
                 continue
-            mount = self.mounts[scan.sensor]
-            near = scan.within(mount.max_range)
-            sigmas = deviation(near.azimuth, near.range_rate, near.ambiguity, mount, ego.speed, ego.yaw_rate, self.noise)
-            placed.append(PlacedScan(near, mount, ego, sigmas, scan))
+            placed.append(PlacedScan.of(scan, self.mounts[scan.sensor], ego, self.noise))
         self.health.scans_without_pose += len(scans) - len(placed)
         return placed
 
@@ -206,14 +203,21 @@ class Mapper:
 
     def _detections(self, placed: list[PlacedScan], now: EgoState) -> Detections:
         """All their detections, moving ones too, in base at `now`: each carried there from where the car was when it was measured."""
-        parts = []
-        for one in placed:
-            range_, azimuth = one.scan.range, one.scan.azimuth
-            in_sensor = np.stack((range_ * np.cos(azimuth), range_ * np.sin(azimuth)), axis=1)
-            now_from_sensor = now.odom_from_base.inverse() @ one.ego.odom_from_base @ one.mount.base_from_sensor
-            origins = np.broadcast_to((now_from_sensor.x, now_from_sensor.y), in_sensor.shape)
-            parts.append(Detections(now_from_sensor.apply(in_sensor), origins, one.scan.rcs, one.deviation))
-        return Detections.joined(parts)
+        counts = [len(one.whole) for one in placed]
+        points, origins = np.empty((sum(counts), 2)), np.empty((sum(counts), 2))
+        base_from_odom = now.odom_from_base.inverse()
+        end = 0
+        for one, count in zip(placed, counts, strict=True):
+            some = slice(end, end := end + count)
+            now_from_sensor = base_from_odom @ one.ego.odom_from_base @ one.mount.base_from_sensor
+            points[some], origins[some] = now_from_sensor.apply(one.points), (now_from_sensor.x, now_from_sensor.y)
+        rcs, sigmas = np.concatenate([one.whole.rcs for one in placed]), np.concatenate([one.sigmas for one in placed])
+        return Detections(points, origins, rcs, sigmas)
+
+    def _gate(self, found: Detections) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which of them their own range rates call standing, and which lie between moving ones."""
+        standing = found.deviation <= self.noise.sigmas
+        return standing, beside_movers(found.points, ~standing, self.noise)
 
     def _judged(self, placed: list[PlacedScan], found: Detections, standing: NDArray[np.bool_], beside: NDArray[np.bool_]) -> Judged:
         numbers = {name: number for number, name in enumerate(self.mounts)}
@@ -221,20 +225,16 @@ class Mapper:
         verdicts = np.where(standing, np.where(beside, Judged.BESIDE, Judged.STATIC), Judged.MOVING).astype(np.uint8)
         return Judged(found.points, radars, verdicts)
 
-    def _beams(self, placed: list[PlacedScan], now: EgoState) -> Beams:
+    def _beams(self, placed: list[PlacedScan], found: Detections, now: EgoState) -> Beams:
         """Their static detections as far as the map reaches, which may be farther than a network is shown."""
+        far = np.concatenate([one.whole.range for one in placed]) <= self.map.reach
         bits = {name: 1 << bit for bit, name in enumerate(self.mounts)}
-        far, radars = list[PlacedScan](), list[int]()
-        for one in placed:
-            scan, ego = one.whole.within(self.map.reach), one.ego
-            sigmas = deviation(scan.azimuth, scan.range_rate, scan.ambiguity, one.mount, ego.speed, ego.yaw_rate, self.noise)
-            far.append(PlacedScan(scan, one.mount, ego, sigmas, scan))
-            radars += [bits[scan.sensor]] * len(scan)
-        found = self._detections(far, now)
-        standing = found.deviation <= self.noise.sigmas
-        static = standing & ~beside_movers(found.points, ~standing, self.noise)
-        kept = found.chosen(static).moved(now.odom_from_base)
-        return Beams(kept.points, kept.origins, np.array(radars, dtype=np.uint16)[static])
+        radars = np.repeat(np.array([bits[one.whole.sensor] for one in placed], dtype=np.uint16), [len(one.whole) for one in placed])
+        reached, radars = found.chosen(far), radars[far]
+        standing, beside = self._gate(reached)
+        static = standing & ~beside
+        kept = reached.chosen(static).moved(now.odom_from_base)
+        return Beams(kept.points, kept.origins, radars[static])
 
     def _looks(self, placed: list[PlacedScan], now: EgoState) -> Looks:
         """From where the scans were measured, in base at `now`."""

@@ -6,7 +6,7 @@ Axes: x forward, y left, yaw and azimuth counter-clockwise positive (ISO 8855, R
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,10 +33,20 @@ class RadarScan:
     def __len__(self) -> int:
         return len(self.range)
 
-    def within(self, max_range: float) -> RadarScan:
-        """The scan with the detections up to this range (m) alone."""
-        near = self.range <= max_range
-        return replace(self, range=self.range[near], azimuth=self.azimuth[near], range_rate=self.range_rate[near], rcs=self.rcs[near])
+    def chosen(self, which: NDArray[np.bool_]) -> RadarScan:
+        """The scan with the detections of a mask (N,) alone."""
+        return RadarScan(
+            self.sensor,
+            self.stamp_ns,
+            self.received_ns,
+            self.range[which],
+            self.azimuth[which],
+            self.range_rate[which],
+            self.rcs[which],
+            self.ambiguity,
+            self.blockage,
+            self.lag,
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 
 from echogrid.config.tables import Config
+from echogrid.core.kernels import dispatch as kernels
 from echogrid.errors import EchogridError
 from echogrid.live.learned_keeper import LearnedKeeper
 from echogrid.live.manager import Manager
@@ -89,6 +90,7 @@ class Service:
             "reasons": state.reasons,
             "epoch": self.pipeline.mapper.epoch,
             "model": self.pipeline.model.why,
+            "kernels": kernels.WHY,
             "buses": {bus.bus.name: asdict(bus.refresh()) for bus in self.receiving.buses},
             "rates": self._rates.per_second(maps=health.cycles, frames=health.frames),
             "latency_ms": self.mapping.latency_ms(),
@@ -141,6 +143,7 @@ class Service:
     def _report_live(self) -> None:
         self.live.set()
         log.info("inverse sensor model: %s", self.pipeline.model.why)
+        (log.info if kernels.COMPILED else log.warning)("kernels: %s", kernels.WHY)
         buses = ", ".join(f"{bus.name} ({bus.interface} {bus.channel})" for bus in self.config.bus)
         log.info("live on %s", buses)
         self.manager.notifier.ready(f"live on {buses}; no map yet")

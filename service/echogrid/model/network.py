@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from echogrid.core.evidence.history import Surroundings
 from echogrid.core.evidence.history_raster import CHANNELS, Bytes, HistoryRaster
 from echogrid.core.evidence.raster import GridSpec, Image, rasterize
+from echogrid.core.kernels.dispatch import loops
 from echogrid.core.map.look_map import Calibration
 from echogrid.core.radar.mount import Mount
 from echogrid.errors import EchogridError
@@ -83,6 +84,7 @@ class OnnxSensorModel:
         except Exception as error:  # onnxruntime's errors have no common class
             raise EchogridError(f"{path}: is not an ONNX model that onnxruntime reads: {_line(error)}") from error
         self.contract = self._read_contract()
+        self._input = self._session.get_inputs()[0].name
         self._check(spec)
         self._raster = HistoryRaster(spec, mounts)
 
@@ -97,16 +99,22 @@ class OnnxSensorModel:
 
     def answer(self, image: Bytes) -> Planes:
         """(2, H, W) log-odds and weight for a drawn image."""
-        planes = self.run(image)
+        output = self._output(image)
         if self.contract.output == "log-odds":
-            return np.concatenate((planes, np.ones_like(planes)))
-        free, unknown, occupied = planes
-        return np.stack((occupied - free, 1 / (1 + np.exp(np.clip(unknown - np.logaddexp(free, occupied), -60, 60)))))
+            return np.concatenate((output, np.ones_like(output)))
+        answer = np.empty((2, image.shape[1], image.shape[2]), dtype=np.float32)
+        loops.odds(output[0], answer)
+        return answer
 
     def run(self, image: Bytes) -> Planes:
         """(P, H, W), the network's own output for a drawn image (C, H, W)."""
-        (output,) = self._session.run(None, {self._session.get_inputs()[0].name: fed(image)})
-        return np.asarray(output if self.contract.output == "log-odds" else unfolded(output[0]))
+        output = self._output(image)
+        return output if self.contract.output == "log-odds" else unfolded(output[0])
+
+    def _output(self, image: Bytes) -> Planes:
+        """As the file gives it: see `Contract.output`."""
+        (output,) = self._session.run(None, {self._input: fed(image)})
+        return np.asarray(output)
 
     def _read_contract(self) -> Contract:
         try:
@@ -176,10 +184,11 @@ def fed(image: Bytes) -> NDArray[np.uint8] | Image:
 
 
 def folded(image: Bytes) -> Bytes:
-    """Space to depth: (C, H, W) -> (4 C, H / 2, W / 2), channel 4 c + 2 (i mod 2) + (j mod 2) as in torch's pixel_unshuffle."""
+    """Space to depth, see `loops.fold`: (C, H, W) -> (4 C, H / 2, W / 2)."""
     channels, height, width = image.shape
-    blocks = image.reshape(channels, height // FOLD, FOLD, width // FOLD, FOLD)
-    return np.ascontiguousarray(blocks.transpose(0, 2, 4, 1, 3)).reshape(-1, height // FOLD, width // FOLD)
+    out = np.empty((FOLD**2 * channels, height // FOLD, width // FOLD), dtype=np.uint8)
+    loops.fold(image, out)
+    return out
 
 
 def unfolded(planes: Planes) -> Planes:

@@ -29,6 +29,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     reasons: tuple[str, ...] = ()
     epoch: int | None = None
     model: str = "unknown"
+    kernels: str = "unknown"
     rates: dict[str, float] = {}
     latency_ms: dict[str, float | None] = {}
     rss_mib: float | None = None
@@ -59,6 +60,7 @@ def lines(document: Mapping[str, Any], vehicle: str) -> list[Line]:
         *_file("store", status.store),
         *_file("recording", status.recording),
         _line("model", status.model),
+        _line("kernels", status.kernels),
         *_learned(status.learned),
         *_parts("radar", status.sensors, status.reasons),
         *_parts("bus", status.buses, status.reasons),

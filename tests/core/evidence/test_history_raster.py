@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from echogrid.core.evidence.history import Detections, Looks, Surroundings
-from echogrid.core.evidence.history_raster import CHANNELS, MOST_RAYS, HistoryRaster, byte_of_rcs
+from echogrid.core.evidence.history_raster import CHANNELS, MOST_RAYS, HistoryRaster
 from echogrid.core.evidence.raster import GridSpec
+from echogrid.core.kernels.cells import byte_of_rcs
 from echogrid.core.motion.se2 import SE2
 from echogrid.core.radar.mount import Mount
 

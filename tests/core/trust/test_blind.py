@@ -13,7 +13,7 @@ from echogrid.core.motion.odometry import EgoState
 from echogrid.core.motion.se2 import SE2
 from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
-from echogrid.core.radar.static_gate import GateNoise, deviation
+from echogrid.core.radar.static_gate import GateNoise
 from echogrid.core.trust.watch import Watch
 
 MOUNTS = {
@@ -32,9 +32,7 @@ def scan(name: str, n: int, posts: np.ndarray, chance: float, rng: np.random.Gen
     seen = (range_ < 60) & (np.abs(azimuth) < mount.half_fov) & (rng.uniform(size=len(x)) < chance)
     rate = -SPEED * np.cos(azimuth[seen] + mount.base_from_sensor.yaw)
     whole = RadarScan(name, stamp, stamp, range_[seen], azimuth[seen], rate, np.zeros(seen.sum()))
-    near = whole.within(mount.max_range)
-    sigmas = deviation(near.azimuth, near.range_rate, near.ambiguity, mount, SPEED, 0.0, NOISE)
-    return PlacedScan(near, mount, ego, sigmas, whole)
+    return PlacedScan.of(whole, mount, ego, NOISE)
 
 
 def hear(watch: Watch, one: PlacedScan) -> None:

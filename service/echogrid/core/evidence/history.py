@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,16 +30,11 @@ class Detections:
         return len(self.points)
 
     def moved(self, to_from_here: SE2) -> Detections:
-        return replace(self, points=to_from_here.apply(self.points), origins=to_from_here.apply(self.origins))
+        return Detections(to_from_here.apply(self.points), to_from_here.apply(self.origins), self.rcs, self.deviation)
 
     def chosen(self, which: NDArray[np.bool_]) -> Detections:
         """Those of a mask (N,)."""
         return Detections(self.points[which], self.origins[which], self.rcs[which], self.deviation[which])
-
-    @staticmethod
-    def joined(parts: Sequence[Detections]) -> Detections:
-        """At least one."""
-        return Detections(*(np.concatenate([getattr(part, key) for part in parts]) for key in ("points", "origins", "rcs", "deviation")))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,13 +56,9 @@ class Looks:
         )
 
     def moved(self, to_from_here: SE2) -> Looks:
-        place = np.column_stack((to_from_here.apply(self.place[:, :2]), self.place[:, 2] + to_from_here.yaw))
-        return replace(self, place=place)
-
-    @staticmethod
-    def joined(parts: Sequence[Looks]) -> Looks:
-        """At least one."""
-        return Looks(*(np.concatenate([getattr(part, key) for part in parts]) for key in ("place", "half_fov", "max_range")))
+        place = np.empty_like(self.place)
+        place[:, :2], place[:, 2] = to_from_here.apply(self.place[:, :2]), self.place[:, 2] + to_from_here.yaw
+        return Looks(place, self.half_fov, self.max_range)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,39 +73,71 @@ class Surroundings:
     live: Sequence[str]  # radars that are heard, by name
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Entry:
-    distance: float  # m, travelled at that time
-    detections: Detections  # in odom
-    looks: Looks  # in odom
-
-
 class History:
     """Remembers what the last map updates saw, in odom."""
 
     def __init__(self, length: float = LENGTH) -> None:
         self.length = length
         self.updates = 0
-        self._entries: deque[_Entry] = deque(maxlen=MOST_UPDATES)
+        self._entries: deque[tuple[float, int, int]] = deque()  # of an update: m travelled at that time, detections, looks
+        self._detections = _Rows((2,), (2,), (), ())  # as the fields of Detections
+        self._looks = _Rows((3,), (), ())  # as those of Looks
 
     def add(self, detections: Detections, looks: Looks, odom_from_base: SE2, distance: float) -> None:
         """What the update at `distance` (m, travelled) saw, in base there."""
-        self._entries.append(_Entry(distance, detections.moved(odom_from_base), looks.moved(odom_from_base)))
+        there, seen = detections.moved(odom_from_base), looks.moved(odom_from_base)
+        self._detections.add(there.points, there.origins, there.rcs, there.deviation)
+        self._looks.add(seen.place, seen.half_fov, seen.max_range)
+        self._entries.append((distance, len(detections), len(looks.place)))
         self.updates += 1
-        while self._entries[0].distance < distance - self.length:
-            self._entries.popleft()
+        while self._entries[0][0] < distance - self.length or len(self._entries) > MOST_UPDATES:
+            _, fewer, less = self._entries.popleft()
+            self._detections.drop(fewer)
+            self._looks.drop(less)
 
     def surroundings(self, odom_from_base: SE2, live: Sequence[str]) -> Surroundings:
         """As seen from the pose of the update added last. At least one must have been added."""
-        entries = self._entries
         base_from_odom = odom_from_base.inverse()
-        counts = [len(entry.detections) for entry in entries]
-        distance = np.array([entry.distance for entry in entries])
+        distance, counts, _ = zip(*self._entries, strict=True)
+        past = Detections(*self._detections.copies()).moved(base_from_odom)
+        age = distance[-1] - np.array(distance)
+        numbers = np.arange(self.updates - len(counts), self.updates)
+        newest = slice(len(past) - counts[-1], None)
         return Surroundings(
-            now=entries[-1].detections.moved(base_from_odom),
-            past=Detections.joined([entry.detections for entry in entries]).moved(base_from_odom),
-            age=np.repeat(distance[-1] - distance, counts),
-            update=np.repeat(np.arange(self.updates - len(entries), self.updates), counts),
-            looks=Looks.joined([entry.looks for entry in entries]).moved(base_from_odom),
+            now=Detections(past.points[newest], past.origins[newest], past.rcs[newest], past.deviation[newest]),
+            past=past,
+            age=np.repeat(age, counts),
+            update=np.repeat(numbers, counts),
+            looks=Looks(*self._looks.copies()).moved(base_from_odom),
             live=live,
         )
+
+
+class _Rows:
+    """Arrays with as many rows each: new ones come at the end, the oldest go, and what stays is seldom moved."""
+
+    def __init__(self, *widths: tuple[int, ...]) -> None:
+        self._arrays = [np.empty((256, *width)) for width in widths]
+        self._begin = self._end = 0
+
+    def add(self, *arrays: Floats) -> None:
+        """Rows behind the last."""
+        more = len(arrays[0])
+        if self._end + more > len(self._arrays[0]):
+            kept = self.copies()
+            self._begin, self._end = 0, len(kept[0])
+            if 2 * (self._end + more) > len(self._arrays[0]):
+                self._arrays = [np.empty((2 * (self._end + more), *old.shape[1:])) for old in kept]
+            for array, old in zip(self._arrays, kept, strict=True):
+                array[: self._end] = old
+        for array, new in zip(self._arrays, arrays, strict=True):
+            array[self._end : self._end + more] = new
+        self._end += more
+
+    def drop(self, count: int) -> None:
+        """The oldest."""
+        self._begin += count
+
+    def copies(self) -> list[Floats]:
+        """All rows, the caller's own."""
+        return [array[self._begin : self._end].copy() for array in self._arrays]

@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from echogrid.core.evidence.raster import GridSpec, Image
+from echogrid.core.kernels.dispatch import loops
 from echogrid.core.messages import Floats
 from echogrid.core.radar.mount import Mount
-
-Cells = NDArray[np.int32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,60 +23,40 @@ class BeamModel:
     rays: int = 5  # over +-2 sigma
     margin: float = 2.0  # cells before the detection that the ray says nothing about
 
+    def spread(self) -> tuple[Floats, Floats]:
+        """(rays,): by how many sigmas each ray is off the middle, and its share of the detection."""
+        sigmas = np.linspace(-2, 2, self.rays)
+        weights = np.exp(-(sigmas**2) / 2)
+        return sigmas, weights / weights.sum()
+
 
 class AnalyticSensorModel:
     """Callable (1, H, W) image in [-1, 1] -> (H, W) log-odds, 0 where it says nothing.
 
     A radar image does not say which radar saw what, so each cell's beam comes from the nearest radar that has it in view. Mounts and
-    grid are fixed: what a detection in a cell says about all cells is worked out when it is first seen there, and remembered.
+    grid are fixed, so which one that is, how far it is and where its rays go are worked out once.
     """
 
     def __init__(self, spec: GridSpec, mounts: Sequence[Mount], beam: BeamModel | None = None) -> None:
         self.spec = spec
         self.beam = beam or BeamModel()
-        self._centres = spec.centres().reshape(-1, 2)
-        self._origins = np.array([(mount.base_from_sensor.x, mount.base_from_sensor.y) for mount in mounts])
-        distance = np.hypot(*(self._centres[None] - self._origins[:, None]).transpose(2, 0, 1))  # (mounts, H * W)
-        distance[~np.array([mount.sees(self._centres) for mount in mounts])] = np.inf
-        self._sensor = np.where(np.isfinite(distance.min(axis=0)), distance.argmin(axis=0), -1)  # (H * W,); -1: none sees the cell
-        self._said: dict[int, tuple[Cells, Image]] = {}  # flat cell of a detection -> flat cells and their log-odds
+        centres = spec.centres().reshape(-1, 2)
+        origins = np.array([(mount.base_from_sensor.x, mount.base_from_sensor.y) for mount in mounts]).reshape(-1, 2)
+        distance = np.hypot(*(centres[None] - origins[:, None]).transpose(2, 0, 1))  # (mounts, H * W)
+        distance[~np.array([mount.sees(centres) for mount in mounts])] = np.inf
+        nearest = distance.argmin(axis=0)
+        self._seen = np.isfinite(distance.min(axis=0))  # (H * W,) by any
+        self._origins = origins[nearest]  # (H * W, 2) m
+        away = centres - self._origins
+        self._distance, self._bearing = np.hypot(*away.T), np.arctan2(*away.T[::-1])  # (H * W,) m, rad
 
     def __call__(self, image: Image) -> Image:
         """Sum of what every drawn detection says."""
-        shape = (self.spec.cells, self.spec.cells)
-        drawn = np.flatnonzero(image[0].reshape(-1) > 0).tolist()
-        if not drawn:
-            return np.zeros(shape, dtype=np.float32)
-        said = [self._said.get(cell) or self._say(cell) for cell in drawn]
-        cells = np.concatenate([cells for cells, _ in said])
-        log_odds = np.concatenate([log_odds for _, log_odds in said])
-        return np.bincount(cells, weights=log_odds, minlength=image[0].size).astype(np.float32).reshape(shape)
-
-    def _say(self, cell: int) -> tuple[Cells, Image]:
-        """What a detection in the middle of a cell says, remembered."""
-        sensor = self._sensor[cell]
-        if sensor < 0:
-            said = np.empty(0, dtype=np.int32), np.empty(0, dtype=np.float32)
-        else:
-            said = _beam(self._centres[cell], self._origins[sensor], self.spec, self.beam)
-        self._said[cell] = said
-        return said
-
-
-def _beam(centre: Floats, origin: Floats, spec: GridSpec, beam: BeamModel) -> tuple[Cells, Image]:
-    """Flat cells and log-odds of a detection at `centre` seen from `origin` (both (2,), base): free on the rays, occupied at their ends."""
-    distance, bearing = np.hypot(*(centre - origin)), np.arctan2(*(centre - origin)[::-1])
-    sigmas = np.linspace(-2, 2, beam.rays)
-    weights = np.exp(-(sigmas**2) / 2) / np.exp(-(sigmas**2) / 2).sum()
-    angles = bearing + sigmas * beam.beam_sigma
-    rays = np.stack((np.cos(angles), np.sin(angles)), axis=-1)  # (rays, 2)
-    steps = np.arange(spec.cell / 2, distance - beam.margin * spec.cell, spec.cell / 2)
-    passed = spec.locate(origin + steps[None, :, None] * rays[:, None, :])  # (rays, steps)
-    size = spec.cells**2
-    once = np.unique((np.arange(beam.rays)[:, None] * size + passed)[passed >= 0])  # a ray passes a cell once
-    ends = spec.locate(origin + distance * rays)
-    inside = ends >= 0
-    cells = np.concatenate((once % size, ends[inside]))
-    log_odds = np.concatenate((beam.free * weights[once // size], beam.occupied * weights[inside]))
-    unique, place = np.unique(cells, return_inverse=True)
-    return unique.astype(np.int32), np.bincount(place, weights=log_odds).astype(np.float32)
+        drawn = np.flatnonzero((image[0].reshape(-1) > 0) & self._seen)
+        sigmas, weights = self.beam.spread()
+        angles = self._bearing[drawn, None] + sigmas * self.beam.beam_sigma
+        rays = np.stack((np.cos(angles), np.sin(angles)), axis=-1)  # (D, rays, 2)
+        spec, beam, out = self.spec, self.beam, np.empty(image[0].shape, dtype=np.float32)
+        margin = beam.margin * spec.cell
+        loops.elfes(self._origins[drawn], self._distance[drawn], rays, weights, spec.half, spec.cell, beam.free, beam.occupied, margin, out)
+        return out

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from echogrid.core.evidence.raster import GridSpec
+from echogrid.core.kernels.dispatch import loops
 from echogrid.core.map.tile import Layers
 from echogrid.core.motion.se2 import SE2
 
@@ -19,52 +21,39 @@ class Footprint:
 
     row: int
     column: int
-    _across: int  # cells along a side of the patch with its border of one zero cell
-    _flat: NDArray[np.intp]  # (H, W) place in that patch of the cell to the lower left; 0 outside
-    _fu: Layers  # (H, W) how far on from that cell's centre, along x and y
-    _fv: Layers
-    _outside: NDArray[np.bool_]  # (H, W)
+    _dx: Layers  # (W,) cells from the car to the map's cells, along odom's x
+    _dy: Layers  # (H,) along its y
+    _cos: float
+    _sin: float
+    _shift: float  # cells from the car to the first cell of the patch with a border of one zero cell, to the cells' centres
 
     @staticmethod
     def of(odom_from_base: SE2, spec: GridSpec) -> Footprint:
         """Around a pose."""
         cell, half = spec.cell, spec.half
-        reach = (half + cell / 2) * (abs(np.cos(odom_from_base.yaw)) + abs(np.sin(odom_from_base.yaw)))
-        column = int(np.floor((odom_from_base.x - reach) / cell))
-        row = int(np.floor((odom_from_base.y - reach) / cell))
-        size = int(np.ceil(2 * reach / cell)) + 1
-        c, s = np.cos(odom_from_base.yaw), np.sin(odom_from_base.yaw)
+        cos, sin = math.cos(odom_from_base.yaw), math.sin(odom_from_base.yaw)
+        reach = (half + cell / 2) * (abs(cos) + abs(sin))
+        column = math.floor((odom_from_base.x - reach) / cell)
+        row = math.floor((odom_from_base.y - reach) / cell)
+        centres = np.arange(math.ceil(2 * reach / cell) + 1) + 0.5
         # From the car, in cells: small enough for float32, which halves the time.
-        dx = (((column + np.arange(size) + 0.5) * cell - odom_from_base.x) / cell).astype(np.float32)
-        dy = (((row + np.arange(size) + 0.5) * cell - odom_from_base.y) / cell).astype(np.float32)[:, None]
-        # Patch coordinates in cells, shifted by the half cell to the centres and by the border of one zero cell.
-        c, s, shift = np.float32(c), np.float32(s), np.float32(half / cell + 0.5)
-        u = c * dx + s * dy + shift
-        v = c * dy - s * dx + shift
-        limit = spec.cells  # with the border there are cells + 2 entries: 0 … cells + 1
-        outside = (u < 0) | (v < 0) | (u >= limit + 1) | (v >= limit + 1)
-        u0, v0 = np.floor(u), np.floor(v)
-        flat = np.where(outside, 0, v0 * (limit + 2) + u0).astype(np.intp)
-        return Footprint(row, column, limit + 2, flat, u - u0, v - v0, outside)
+        dx = (((column + centres) * cell - odom_from_base.x) / cell).astype(np.float32)
+        dy = (((row + centres) * cell - odom_from_base.y) / cell).astype(np.float32)
+        return Footprint(row, column, dx, dy, cos, sin, half / cell + 0.5)
 
     @property
-    def shape(self) -> tuple[int, ...]:
+    def shape(self) -> tuple[int, int]:
         """Rows and columns of the map's cells."""
-        return self._flat.shape
+        return len(self._dy), len(self._dx)
 
     def bilinear(self, planes: Layers) -> Layers:
         """Planes (P, H, W) of the patch on the map's cells, (P, height, width)."""
         out = np.empty((len(planes), *self.shape), dtype=np.float32)
-        flat, fu, fv = self._flat, self._fu, self._fv
-        for plane, values in zip(out, np.pad(planes, ((0, 0), (1, 1), (1, 1))).reshape(len(planes), -1), strict=True):
-            below = values[flat] * (1 - fu) + values[flat + 1] * fu
-            above = values[flat + self._across] * (1 - fu) + values[flat + self._across + 1] * fu
-            plane[:] = np.where(self._outside, np.float32(0), below * (1 - fv) + above * fv)
+        loops.bilinear(np.ascontiguousarray(planes, dtype=np.float32), self._dx, self._dy, self._cos, self._sin, self._shift, out)
         return out
 
     def nearest(self, bits: NDArray[np.uint16]) -> NDArray[np.uint16]:
         """Bits (H, W) of the patch on the map's cells, (height, width): those of the cell whose centre is nearest."""
-        place = self._flat + (self._fu >= 0.5) + np.where(self._fv >= 0.5, self._across, 0)
-        found: NDArray[np.uint16] = np.pad(bits, 1).reshape(-1)[place]
-        found[self._outside] = 0
-        return found
+        out = np.empty(self.shape, dtype=np.uint16)
+        loops.nearest(bits, self._dx, self._dy, self._cos, self._sin, self._shift, out)
+        return out

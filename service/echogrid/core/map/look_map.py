@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from echogrid.core.evidence.beams import Beams
 from echogrid.core.evidence.inverse_sensor_model import BeamModel
 from echogrid.core.evidence.raster import GridSpec, Image
+from echogrid.core.kernels.dispatch import loops
 from echogrid.core.map.footprint import Footprint
 from echogrid.core.map.measurement import GONE, REACH, Change, Measurement
 from echogrid.core.map.read_out import read_out
@@ -90,9 +91,7 @@ class LookMap(TiledMap):
         footprint = Footprint.of(odom_from_base, self.spec)
         patch = footprint.bilinear(planes)
         for layers, inside, piece in self._under(footprint, view):
-            mean = layers[:2, *inside]
-            mean += patch[:, *piece]
-            mean *= np.minimum(1.0, MOST_LOOKS / np.maximum(mean[1], 1.0))  # forgets evenly once there are more
+            loops.add_look(patch[:, *piece], MOST_LOOKS, layers[:2, *inside])
 
     def read(self, layers: Layers) -> LogOdds:
         """What was learned and what was measured together, as docs/fusion.md says."""
@@ -110,22 +109,22 @@ class LookMap(TiledMap):
         return np.asarray(layers[2:].any(axis=0))
 
     def _add(self, change: Change, stamp_ns: int) -> None:
-        touched = change.touched
-        if touched is None:
-            return
-        row, column = change.window.row + touched[0].start, change.window.column + touched[1].start
-        hit, beside, passed = change.hits[touched], change.near[touched], change.passes[touched]
-        arrived, left = change.arrived[touched], change.left[touched]
-        for layers, inside, piece in self._changing(row, column, hit.shape, stamp_ns, change.radars[touched]):
-            hits, near, passes = measured = layers[2:, *inside]
-            passes[arrived[piece]] = 0
-            gone = left[piece]
-            if gone.any():
-                hits[gone] = near[gone] = 0
-                passes[gone] = np.maximum(passes[gone], np.float32(GONE))
-            hits += hit[piece]
-            near += beside[piece]
-            passes += passed[piece]
-            seen = hits + passes
-            if seen.max() > MOST_MEASURED:
-                measured *= np.minimum(1.0, MOST_MEASURED / np.maximum(seen, 1.0))
+        self.stamp_ns = stamp_ns
+        now_s = self._now_s()
+        for key, some in change.tiles():
+            tile = self._changed(key)
+            loops.add_measured(
+                change.inside[some],
+                change.hits[some],
+                change.near[some],
+                change.passes[some],
+                change.arrived[some],
+                change.left[some],
+                change.radars[some],
+                now_s,
+                GONE,
+                MOST_MEASURED,
+                tile.layers[2:],
+                tile.radars,
+                tile.seen_s,
+            )

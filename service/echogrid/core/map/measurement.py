@@ -6,14 +6,18 @@ Within a look each cell counts once: as passed, if a beam went through it; as hi
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from echogrid.core.evidence.beams import Beams, Window, ends, passed
+from echogrid.core.evidence.beams import Beams, Cells, Reach, Window
 from echogrid.core.evidence.inverse_sensor_model import BeamModel
+from echogrid.core.kernels.cells import by_tile
+from echogrid.core.kernels.dispatch import loops
 from echogrid.core.map.standstill import Standstill, disc
+from echogrid.core.map.tile import SIDE, TileKey
 from echogrid.core.motion.se2 import SE2
 
 REACH = 40.0  # m from the car; what lies farther is not kept
@@ -26,9 +30,11 @@ Numbers = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Change:
-    """Of the cells of a window, each (size, size)."""
+    """Of the map's cells that an update touched, (K,) each, tile by tile."""
 
     window: Window
+    begins: Cells  # (T + 1,) where each tile's begin, of all tiles under the window, by rows
+    inside: NDArray[np.int32]  # flat cell in its tile
     hits: Numbers  # looks to be added in which a reflection lay here
     near: Numbers  # the same for reflections beside it, weighted by distance
     passes: Numbers  # looks to be added in which a beam passed
@@ -36,14 +42,17 @@ class Change:
     left: NDArray[np.bool_]  # nor what was hit
     radars: NDArray[np.uint16]  # bits of those that touched a cell
 
-    @property
-    def touched(self) -> tuple[slice, slice] | None:
-        """Rows and columns around all cells that change; None if none does."""
-        some = (self.hits > 0) | (self.near > 0) | (self.passes > 0) | self.arrived | self.left
-        rows, columns = np.flatnonzero(some.any(axis=1)), np.flatnonzero(some.any(axis=0))
-        if not len(rows):
-            return None
-        return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+    def tiles(self) -> Iterator[tuple[TileKey, slice]]:
+        """The tiles with such cells, and which they are."""
+        for key, begin, end in zip(tiles_under(self.window), self.begins[:-1].tolist(), self.begins[1:].tolist(), strict=True):
+            if begin < end:
+                yield key, slice(begin, end)
+
+
+def tiles_under(window: Window) -> list[TileKey]:
+    """By rows."""
+    rows, columns = (range(first // SIDE, (first + window.size - 1) // SIDE + 1) for first in (window.row, window.column))
+    return [(row, column) for row in rows for column in columns]
 
 
 class Measurement:
@@ -57,6 +66,7 @@ class Measurement:
         inner, outer = (disc(radius / cell, self._size) for radius, _ in NEAR)
         self._offsets = outer
         self._weights = np.where(np.isin(outer, inner), NEAR[0][1] + NEAR[1][1], NEAR[1][1])
+        self._scratch = np.zeros(self._size**2, np.int32)
         self.begin(SE2(0.0, 0.0, 0.0))
 
     def begin(self, odom_from_base: SE2) -> None:
@@ -65,73 +75,83 @@ class Measurement:
         row, column = (math.floor(value / self._cell) - half for value in (odom_from_base.y, odom_from_base.x))
         self._window = Window(row, column, self._size, self._cell)
         self._hit = np.zeros(cells, np.float32)
-        self._own = np.zeros(cells, np.bool_)
-        self._passed = np.zeros(cells, np.bool_)
+        self._own, self._passed = np.zeros((2, cells), np.uint8)
         self._standstill: Standstill | None = None
         self._arrived = np.zeros(0, np.float32)  # looks that arrivals were given
 
     def look(self, beams: Beams) -> Change:
         """One of the updates that a look consists of: what it adds to those before."""
-        cells, shares, who = ends(beams, self._window, self.beam)
-        hit, place = np.unique(cells, return_inverse=True)
-        share = np.minimum(np.bincount(place, weights=shares), 1.0).astype(np.float32)
-        hits = np.zeros_like(self._hit)
-        hits[hit] = np.maximum(share - self._hit[hit], 0)
-        self._hit += hits
-        own = np.unique(self._window.flat(beams.points))
-        fresh = own[own >= 0]
-        fresh = fresh[~self._own[fresh]]
-        self._own[fresh] = True
-        through, by = passed(beams, self._window, self.beam)
-        passes = np.zeros_like(self._passed)
-        passes[through] = True
-        passes &= ~self._passed
-        self._passed |= passes
-        nothing = np.zeros_like(passes)
-        return self._change(hits, fresh, passes, nothing, nothing, ((cells, who), (through, by)))
+        window, reach = self._window, Reach.of(beams, self.beam)
+        begins, cells = np.empty(len(tiles_under(window)) + 1, np.int64), window.size**2
+        inside, radars = np.empty(cells, np.int32), np.empty(cells, np.uint16)
+        hits, near, passes = (np.empty(cells, np.float32) for _ in range(3))
+        loops.look(
+            window.row,
+            window.column,
+            window.size,
+            window.cell,
+            reach.ends.reshape(-1, 2),
+            reach.shares,
+            beams.points,
+            beams.origins,
+            reach.direction,
+            reach.distance,
+            beams.radars,
+            self.beam.margin * window.cell,
+            self._offsets,
+            self._weights,
+            self._hit,
+            self._own,
+            self._passed,
+            self._scratch,
+            begins,
+            inside,
+            hits,
+            near,
+            passes,
+            radars,
+        )
+        some = slice(int(begins[-1]))
+        nothing = np.zeros(some.stop, np.bool_)
+        return Change(window, begins, inside[some], hits[some], near[some], passes[some], nothing, nothing, radars[some])
 
     def stand(self, beams: Beams, seconds: float) -> Change:
         """An update after those, from the same place: only what arrives and what leaves counts. `seconds` since the last."""
         if self._standstill is None:
             self._standstill = Standstill(self._size, self._cell)
             self._arrived = np.zeros_like(self._hit)
-        own = np.unique(self._window.flat(beams.points))
-        own = own[own >= 0]
+        window = self._window
+        own = window.flat(beams.points)
+        own = np.flatnonzero(np.bincount(own[own >= 0]))  # each once; np.unique would load all of numpy.ma
         arrived, left = self._standstill.see(own, seconds)
-        cells, shares, who = ends(beams, self._window, self.beam)
-        counted = arrived[cells] & (self._arrived[cells] < ARRIVED)
-        cells, who = cells[counted], who[counted]
-        hits = np.minimum(np.bincount(cells, weights=shares[counted], minlength=len(self._hit)), 1.0).astype(np.float32)
+        if not arrived.any() and not left.any():
+            return self._nothing()
+        reach = Reach.of(beams, self.beam)
+        cells = window.flat(reach.ends)  # (N, rays)
+        counted = (cells >= 0) & arrived[cells] & (self._arrived[cells] < ARRIVED)
+        cells, who = cells[counted], np.broadcast_to(beams.radars[:, None], cells.shape)[counted]
+        shares = np.broadcast_to(reach.shares, counted.shape)[counted]
+        hits = np.minimum(np.bincount(cells, weights=shares, minlength=len(self._hit)), 1.0)
         first = arrived & (self._arrived == 0)
         self._arrived[arrived] += 1.0
         self._arrived[left] = 0.0
         fresh = own[arrived[own] & (self._arrived[own] <= ARRIVED)]
-        return self._change(hits, fresh, np.zeros_like(first), first, left, ((cells, who),))
-
-    def _change(
-        self,
-        hits: Numbers,
-        own: NDArray[np.int64],
-        passes: NDArray[np.bool_],
-        arrived: NDArray[np.bool_],
-        left: NDArray[np.bool_],
-        touched: tuple[tuple[NDArray[np.int64], NDArray[np.uint16]], ...],
-    ) -> Change:
-        around = own[:, None] + self._offsets
-        inside = (around >= 0) & (around < len(hits))
-        weights = np.broadcast_to(self._weights, around.shape)
-        near = np.bincount(around[inside], weights=weights[inside], minlength=len(hits)).astype(np.float32)
+        around = fresh[:, None] + self._offsets
+        fits = (around >= 0) & (around < len(hits))
+        near = np.bincount(around[fits], weights=np.broadcast_to(self._weights, around.shape)[fits], minlength=len(hits))
         radars = np.zeros(len(hits), np.uint16)
-        for cells, who in touched:
-            for bit in np.unique(who):
-                radars[cells[who == bit]] |= bit
-        square = (self._size, self._size)
-        return Change(
-            self._window,
-            hits.reshape(square),
-            near.reshape(square),
-            passes.astype(np.float32).reshape(square),
-            arrived.reshape(square),
-            left.reshape(square),
-            radars.reshape(square),
-        )
+        for bit in np.unique(who):
+            radars[cells[who == bit]] |= bit
+        touched = np.flatnonzero((hits > 0) | (near > 0) | first | left)
+        begins = np.empty(len(tiles_under(window)) + 1, np.int64)
+        order, inside = by_tile(touched, window.row, window.column, window.size, begins)
+        some = touched[order]
+        hit, beside = (values[some].astype(np.float32) for values in (hits, near))
+        return Change(window, begins, inside, hit, beside, np.zeros_like(hit), first[some], left[some], radars[some])
+
+    def _nothing(self) -> Change:
+        """No cell changes."""
+        numbers, flags = np.empty(0, np.float32), np.empty(0, np.bool_)
+        begins = np.zeros(len(tiles_under(self._window)) + 1, np.int64)
+        inside, radars = np.empty(0, np.int32), np.empty(0, np.uint16)
+        return Change(self._window, begins, inside, numbers, numbers, numbers, flags, flags, radars)

@@ -6,10 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echogrid.core.evidence.raster import GridSpec, Image
+from echogrid.core.kernels.dispatch import loops
 from echogrid.core.map.footprint import Footprint
 from echogrid.core.map.tile import Layers
 from echogrid.core.map.tiled_map import LogOdds, TiledMap, View
 from echogrid.core.motion.se2 import SE2
+
+LEAST = float(np.finfo(np.float32).tiny)  # of evidence that cancels: 0 is for what was never seen
 
 
 class OccupancyMap(TiledMap):
@@ -28,7 +31,7 @@ class OccupancyMap(TiledMap):
         footprint = Footprint.of(odom_from_base, self.spec)
         (patch,) = footprint.bilinear(said[None])
         for layers, inside, piece in self._under(footprint, view):
-            add_clamped(layers[0], inside, patch[piece], self.clamp)
+            loops.add_clamped(patch[piece], self.clamp, LEAST, layers[0][inside])
 
     def read(self, layers: Layers) -> LogOdds:
         (log_odds,) = layers
@@ -37,9 +40,3 @@ class OccupancyMap(TiledMap):
     def measured(self, layers: Layers) -> NDArray[np.bool_]:
         """All that is known: a sum does not tell what a network said from what geometry did."""
         return np.asarray(layers[0] != 0)
-
-
-def add_clamped(layer: LogOdds, where: tuple[slice, slice], added: LogOdds, clamp: float) -> None:
-    """Adds log-odds in place, within +-clamp; 0 stays for what was never seen."""
-    total = np.clip(layer[where] + added, -clamp, clamp)
-    layer[where] = np.where((added != 0) & (total == 0), np.finfo(np.float32).tiny, total)

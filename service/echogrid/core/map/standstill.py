@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echogrid.core.evidence.beams import Cells
+from echogrid.core.kernels.dispatch import loops
 
 RECENT, USUAL, SETTLED = 0.7, 20.0, 1.0  # s: that the means remember; of standing before anything is usual
 LONGEST_STEP = 0.2  # s between two updates that the means move by
@@ -25,7 +26,7 @@ class Standstill:
 
     def __init__(self, size: int, cell: float) -> None:
         """`size`: cells along a side of the window; `cell`: m."""
-        self._discs = [disc(radius / cell, size) for radius in (HERE, BESIDE)]
+        self._here, self._beside = (disc(radius / cell, size) for radius in (HERE, BESIDE))
         self._recent, self._usual = (np.zeros((2, size * size), np.float32) for _ in range(2))
         self._stood = 0.0  # s
 
@@ -33,18 +34,26 @@ class Standstill:
         """One update's reflections, flat cells (N,), `seconds` after the last. Flat masks: where something has arrived, and has left."""
         step = min(max(seconds, 0.0), LONGEST_STEP)
         self._stood += step
-        near = np.zeros(self._recent.shape, np.bool_)
-        for seen, offsets in zip(near, self._discs, strict=True):
-            around = (hit[:, None] + offsets).reshape(-1)
-            seen[around[(around >= 0) & (around < len(seen))]] = True
-        self._recent += (near - self._recent) * np.float32(1 - math.exp(-step / RECENT))
         memory = min(self._stood, USUAL)
-        self._usual += (near - self._usual) * np.float32(step / max(memory, step, 1e-3))  # a plain mean at first
-        if self._stood < SETTLED:
-            return np.zeros_like(near[0]), np.zeros_like(near[0])
-        left = (self._usual[0] > STAYED) & (self._recent[1] < LEAVES)
-        self._usual[:, left] = 0.0
-        return near[0] & (self._recent[0] > ARRIVES) & (self._usual[1] < KNOWN_BEFORE * self._recent[0]), left
+        quick, slow = 1 - math.exp(-step / RECENT), step / max(memory, step, 1e-3)  # a plain mean at first
+        arrived, left = np.empty((2, self._recent.shape[1]), np.bool_)
+        loops.usual(
+            hit,
+            self._here,
+            self._beside,
+            quick,
+            slow,
+            ARRIVES,
+            KNOWN_BEFORE,
+            STAYED,
+            LEAVES,
+            self._stood >= SETTLED,
+            self._recent,
+            self._usual,
+            arrived,
+            left,
+        )
+        return arrived, left
 
 
 def disc(radius: float, size: int) -> Cells:

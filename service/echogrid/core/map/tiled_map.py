@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from echogrid.core.evidence.beams import Beams
 from echogrid.core.evidence.raster import GridSpec, Image
+from echogrid.core.kernels.dispatch import loops
 from echogrid.core.map.footprint import Footprint
 from echogrid.core.map.tile import SIDE, Layers, Tile, TileKey
 from echogrid.core.motion.se2 import SE2
@@ -160,14 +161,21 @@ class TiledMap(ABC):
         """
         if stamp_ns is not None:
             self.stamp_ns = stamp_ns
-        seen_s = np.uint32(np.clip(self.stamp_ns // 1_000_000_000, 1, NEWEST_S))  # recordings may begin at 0, which says never
+        now_s = self._now_s()
         for key, inside, piece in pieces(row, column, *shape):
-            tile = self._used(key) or self._keep(key, Tile.empty(self.layers))
-            self.dirty.add(key)
+            tile = self._changed(key)
             if radars is not None:
-                tile.radars[inside] |= radars[piece]
-                tile.seen_s[inside][radars[piece] != 0] = seen_s
+                loops.note_view(radars[piece], now_s, tile.radars[inside], tile.seen_s[inside])
             yield tile.layers, inside, piece
+
+    def _now_s(self) -> int:
+        """Of the newest update, as `seen_s` has it: recordings may begin at 0, which says never."""
+        return min(max(self.stamp_ns // 1_000_000_000, 1), NEWEST_S)
+
+    def _changed(self, key: TileKey) -> Tile:
+        """A tile that is about to be changed."""
+        self.dirty.add(key)
+        return self._used(key) or self._keep(key, Tile.empty(self.layers))
 
     def _used(self, key: TileKey) -> Tile | None:
         """A tile, from the shelf where it is there, as the most recently used one. None where there is none."""

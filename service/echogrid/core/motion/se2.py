@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.core.kernels.dispatch import loops
+
 Points = NDArray[np.float64]
 
 
@@ -31,9 +33,8 @@ class SE2:
 
     def apply(self, points_b: Points) -> Points:
         """Points (N, 2) from frame b into frame a."""
-        c, s = math.cos(self.yaw), math.sin(self.yaw)
-        rotation = np.array(((c, -s), (s, c)))
-        points_a: Points = points_b @ rotation.T + (self.x, self.y)
+        points_a = np.empty((len(points_b), 2))
+        loops.moved(np.ascontiguousarray(points_b, dtype=float), self.x, self.y, math.cos(self.yaw), math.sin(self.yaw), points_a)
         return points_a
 
 

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from echogrid.core.kernels.dispatch import loops
 from echogrid.core.messages import Floats, RadarScan
 from echogrid.core.radar.mount import Mount
 
 TOLERANCE = 0.4  # m/s: three sigmas of a range rate
 LEAST = 8  # detections: fewer explain themselves
-PAIRS = np.random.default_rng(0).random((64, 2))  # which two detections each guess is made from, as shares of their number
+# Which two detections each guess is made from, as shares of their number: spread evenly by the roots of x^3 = x + 1. (numpy.random would
+# take 7 MiB of memory.)
+PAIRS = np.arange(1, 65)[:, None] * (0.7548776662466927, 0.5698402909980532) % 1.0
 APART = 0.3  # how far a guess's two equations must be from one another, as their determinant
 
 
@@ -32,36 +36,45 @@ def doppler_motion(scans: Sequence[tuple[RadarScan, Mount]]) -> DopplerMotion | 
     A standing point's range rate is linear in both: -cos(b) speed + (y cos(b) - x sin(b)) yaw_rate, for its bearing b in base from a mount
     at (x, y). None for fewer than LEAST detections, or all in one direction.
     """
-    if sum(len(scan) for scan, _ in scans) < LEAST:
+    sizes = [len(scan) for scan, _ in scans]
+    if sum(sizes) < LEAST:
         return None
-    slope = np.concatenate([_slope(scan.azimuth, mount) for scan, mount in scans])  # (N, 2)
+    sensors = [mount.base_from_sensor for _, mount in scans]
+    places = np.array([(sensor.x, sensor.y, sensor.yaw, scan.ambiguity) for sensor, (scan, _) in zip(sensors, scans, strict=True)])
+    x, y, yaw, interval = np.ascontiguousarray(np.repeat(places, sizes, axis=0).T)  # (N,) each
+    bearing = np.concatenate([scan.azimuth for scan, _ in scans]) + yaw
+    cos, sin = np.cos(bearing), np.sin(bearing)
+    slope = np.empty((len(bearing), 2))  # derivatives of a standing point's range rate by speed and yaw rate
+    slope[:, 0], slope[:, 1] = -cos, y * cos - x * sin
     rate = np.concatenate([scan.range_rate for scan, _ in scans])  # (N,)
-    interval = np.concatenate([np.full(len(scan), scan.ambiguity) for scan, _ in scans])  # (N,)
-    pairs = (PAIRS * len(rate)).astype(np.intp)
-    pairs = pairs[np.abs(np.linalg.det(slope[pairs])) > APART]
-    if not len(pairs):
+    one, other = (PAIRS * len(rate)).astype(np.intp).T
+    (a, b), (c, d), p, q = slope[one].T, slope[other].T, rate[one], rate[other]
+    determinant = a * d - b * c
+    apart = np.abs(determinant) > APART
+    if not apart.any():
         return None
-    guesses = np.linalg.solve(slope[pairs], rate[pairs][..., None])[..., 0]  # (guesses, 2)
-    agreeing = np.abs(_residual(slope, rate, interval, guesses)) < TOLERANCE  # (guesses, N)
-    best = int(agreeing.sum(axis=1).argmax())
-    chosen = agreeing[best]
-    left = _residual(slope, rate, interval, guesses[[best]])[0]
-    refined = guesses[best] + np.linalg.lstsq(slope[chosen], left[chosen], rcond=None)[0]
-    explained = np.abs(_residual(slope, rate, interval, refined[None]))[0] < TOLERANCE
-    bearing = np.concatenate([scan.azimuth + mount.base_from_sensor.yaw for scan, mount in scans])[explained]
-    breadth = 1.0 - float(np.abs(np.exp(1j * bearing).mean())) if len(bearing) else 0.0
+    guesses = np.stack((p * d - b * q, a * q - p * c), axis=1)[apart] / determinant[apart, None]  # (guesses, 2), by Cramer's rule
+    counts = np.empty(len(guesses), dtype=np.int64)
+    loops.agreeing(slope, rate, interval, guesses, TOLERANCE, counts)
+    best = guesses[counts.argmax()]
+    left = _residual(slope, rate, interval, best)
+    chosen = np.abs(left) < TOLERANCE
+    refined = best + _least_squares(slope[chosen], left[chosen])
+    explained = np.abs(_residual(slope, rate, interval, refined)) < TOLERANCE
+    breadth = 1.0 - math.hypot(float(cos[explained].mean()), float(sin[explained].mean())) if explained.any() else 0.0
     return DopplerMotion(float(refined[0]), float(refined[1]), (np.count_nonzero(explained) - 2) / (len(rate) - 2), breadth)
 
 
-def _slope(azimuth: Floats, mount: Mount) -> Floats:
-    """(N, 2) derivatives of a standing point's range rate by speed and yaw rate."""
-    sensor = mount.base_from_sensor
-    cos, sin = np.cos(azimuth + sensor.yaw), np.sin(azimuth + sensor.yaw)
-    return np.stack((-cos, sensor.y * cos - sensor.x * sin), axis=1)
+def _least_squares(slope: Floats, left: Floats) -> Floats:
+    """(2,): by the normal equations, of detections two of which are APART."""
+    x, y = slope.T
+    xx, xy, yy = float((x * x).sum()), float((x * y).sum()), float((y * y).sum())
+    xr, yr = float((x * left).sum()), float((y * left).sum())
+    return np.array((xr * yy - xy * yr, xx * yr - xr * xy)) / (xx * yy - xy * xy)
 
 
-def _residual(slope: Floats, rate: Floats, interval: Floats, motions: Floats) -> Floats:
-    """(M, N) what motions (M, 2) leave of the range rates, modulo the Doppler ambiguity interval where there is one."""
-    residual: Floats = rate - motions @ slope.T
+def _residual(slope: Floats, rate: Floats, interval: Floats, motion: Floats) -> Floats:
+    """(N,) what a motion (2,) leaves of the range rates, modulo the Doppler ambiguity interval where there is one."""
+    residual: Floats = rate - (motion[0] * slope[:, 0] + motion[1] * slope[:, 1])
     known = np.where(interval > 0, interval, 1.0)
-    return np.where(interval > 0, residual - known * np.round(residual / known), residual)
+    return np.where(interval > 0, residual - known * np.rint(residual / known), residual)

@@ -6,11 +6,13 @@ sensor's own velocity over ground, which for a mount at (x, y) on a car with spe
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.core.kernels.dispatch import loops
 from echogrid.core.messages import Floats
 from echogrid.core.radar.mount import Mount
 
@@ -63,7 +65,7 @@ def deviation(
     A sigma grows with what an azimuth error does to the prediction: little ahead, most abeam.
     """
     predicted, by_azimuth = static_range_rate(azimuth, mount, speed, yaw_rate)
-    lever = np.hypot(mount.base_from_sensor.x, mount.base_from_sensor.y)
+    lever = math.hypot(mount.base_from_sensor.x, mount.base_from_sensor.y)
     variance = noise.range_rate**2 + (by_azimuth * noise.azimuth) ** 2 + (predicted * noise.speed) ** 2 + (lever * noise.yaw_rate) ** 2
     sigmas: Floats = np.abs(fold(range_rate - predicted, ambiguity)) / np.sqrt(variance)
     return sigmas
@@ -75,6 +77,6 @@ def beside_movers(points: Floats, moving: NDArray[np.bool_], noise: GateNoise) -
     A car that passes abeam shows no radial speed in the middle and much at its ends: the part between them belongs to it too. One moving
     neighbour is not enough, since one detection in twenty has a gross Doppler error.
     """
-    distance = np.hypot(*(points[:, None, :] - points[moving][None, :, :]).transpose(2, 0, 1))  # (N, movers)
-    near: NDArray[np.bool_] = (distance < noise.mover_radius).sum(axis=1) >= 2
+    near = np.empty(len(points), dtype=np.bool_)
+    loops.beside(points, moving, noise.mover_radius, near)
     return near

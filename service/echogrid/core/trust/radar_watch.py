@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from echogrid.core.health import SensorHealth
 from echogrid.core.messages import RadarScan
@@ -61,6 +60,8 @@ class RadarWatch:
         self._usual_lag: float | None = None
         self._usual_count = self._count = 0.0
         self._wild = 0.0  # share of its detections of late that cannot be true
+        self._asked_of: RadarScan | None = None
+        self._answer = 0
         self._agreeing = self._asked = 0.0  # detections, fading
 
     def hear(self, scan: RadarScan) -> None:
@@ -68,7 +69,7 @@ class RadarWatch:
         now_ns = scan.received_ns
         away_ns = 0 if self.heard_ns is None else now_ns - self.heard_ns
         step = LONGEST_STEP if self.heard_ns is None else min((now_ns - self.heard_ns) * NS, LONGEST_STEP)
-        wild = 0.0 if not len(scan) else float(np.mean(~self._possible(scan)))
+        wild = 0.0 if not len(scan) else 1.0 - self._possible(scan) / len(scan)
         self._wild += (wild - self._wild) * (1.0 - math.exp(-step / SHORT))
         if not WILD / 2 < self._wild < WILD:
             self.doubt("wild", self._wild >= WILD, f"broken: {self._wild:.0%} of its values are out of range")
@@ -112,7 +113,7 @@ class RadarWatch:
         usual = step / min(max(self._watched, step, 1e-3), USUAL)  # a plain mean at first
         if "shifted" not in self.doubts:
             self._usual_age = age if math.isnan(self._usual_age) else self._usual_age + off * usual
-        possible = int(np.count_nonzero(self._possible(scan)))
+        possible = self._possible(scan)
         self._count += (possible - self._count) * (1.0 - math.exp(-step / SHORT))
         if "blind" not in self.doubts:
             self._usual_count += (possible - self._usual_count) * usual
@@ -154,17 +155,17 @@ class RadarWatch:
         elif fault in self.doubts:
             self.doubts = {key: value for key, value in self.doubts.items() if key != fault}
 
-    def _possible(self, scan: RadarScan) -> NDArray[np.bool_]:
-        """(N,) which detections can be true at all."""
-        possible: NDArray[np.bool_] = (np.abs(scan.azimuth) <= self.mount.half_fov + BEYOND_VIEW) & (
-            np.abs(scan.range_rate) <= FASTEST_RATE
-        )
-        return possible
+    def _possible(self, scan: RadarScan) -> int:
+        """How many detections can be true at all; asked twice of each scan."""
+        if scan is not self._asked_of:
+            inside = np.abs(scan.azimuth) <= self.mount.half_fov + BEYOND_VIEW
+            self._asked_of, self._answer = scan, int(np.count_nonzero(inside & (np.abs(scan.range_rate) <= FASTEST_RATE)))
+        return self._answer
 
     def _is_frozen(self, scan: RadarScan, speed: float) -> bool:
         last = self._last
         equal = last is not None and all(
-            np.array_equal(getattr(scan, key), getattr(last, key)) for key in ("range", "azimuth", "range_rate")
+            getattr(scan, key).tobytes() == getattr(last, key).tobytes() for key in ("range", "azimuth", "range_rate")
         )
         if not equal:
             self._repeated = 0

@@ -113,11 +113,9 @@ class Watch:
 
     def _remember(self, placed: Sequence[PlacedScan], now_ns: int) -> None:
         for one in placed:
-            static = one.deviation <= self.noise.sigmas
-            range_, azimuth = one.scan.range[static], one.scan.azimuth[static]
-            in_sensor = np.stack((range_ * np.cos(azimuth), range_ * np.sin(azimuth)), axis=1)
+            static = one.points[(one.sigmas <= self.noise.sigmas) & one.near]
             odom_from_sensor = one.ego.odom_from_base @ one.mount.base_from_sensor
-            self._known.append((one.ego.stamp_ns, odom_from_sensor.apply(in_sensor)))
+            self._known.append((one.ego.stamp_ns, odom_from_sensor.apply(static)))
         while self._known and now_ns - self._known[0][0] > KNOWN_NS:
             self._known.popleft()
 

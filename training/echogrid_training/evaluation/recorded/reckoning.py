@@ -124,9 +124,9 @@ def score(reckoned: Reckoned, truth: Truth) -> Score:
 def _placed(scans: Sequence[RadarScan], odometry: Odometry, mounts: dict[str, Mount]) -> list[PlacedScan]:
     placed = []
     for scan in scans:
-        ego, mount = odometry.at(scan.stamp_ns), mounts[scan.sensor]
+        ego = odometry.at(scan.stamp_ns)
         if ego is not None:
-            placed.append(PlacedScan(scan.within(mount.max_range), mount, ego, np.zeros(0), scan))
+            placed.append(PlacedScan.of(scan, mounts[scan.sensor], ego, GateNoise()))
     return placed
 
 

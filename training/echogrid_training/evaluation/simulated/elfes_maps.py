@@ -9,8 +9,9 @@ import numpy as np
 from echogrid.core.evidence.history import Surroundings
 from echogrid.core.evidence.inverse_sensor_model import AnalyticSensorModel
 from echogrid.core.evidence.raster import GridSpec, Image, rasterize
+from echogrid.core.kernels.dispatch import loops
 from echogrid.core.map.footprint import Footprint
-from echogrid.core.map.occupancy import OccupancyMap, add_clamped
+from echogrid.core.map.occupancy import LEAST, OccupancyMap
 from echogrid.core.map.tile import Layers
 from echogrid.core.map.tiled_map import LogOdds, View
 from echogrid.core.motion.se2 import SE2
@@ -47,7 +48,7 @@ class SummedBeams(OccupancyMap):
         patch = footprint.bilinear(said)
         for layers, inside, piece in self._under(footprint, view):
             for layer, added, clamp in zip(layers, patch, self._clamps, strict=True):
-                add_clamped(layer, inside, added[piece], clamp)
+                loops.add_clamped(added[piece], clamp, LEAST, layer[inside])
 
     def read(self, layers: Layers) -> LogOdds:
         """Of the first."""

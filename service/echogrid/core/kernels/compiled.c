@@ -1,0 +1,917 @@
+/* The hot loops of echogrid, compiled: each does what the function of its name in reference.py does, bit for bit.
+ *
+ * What they are for, shapes and units stand there. Arrays come by the buffer protocol and are checked for type, dimensions and rows without
+ * gaps; results are written into arrays of the caller's. No loop calls sin, exp or their like, whose last bits differ between libraries, and
+ * no product is fused with a sum (-ffp-contract=off). The limited API: one file serves every Python from 3.11 on.
+ */
+#define Py_LIMITED_API 0x030b0000
+#define PY_SSIZE_T_CLEAN
+#include <Python.h>
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define MOST 20
+#define SIDE 128 /* cells along a tile's side */
+
+typedef struct {
+    Py_buffer array[MOST];
+    int arrays;
+    double number[MOST];
+    int numbers;
+} Given;
+
+static void drop(Given *given) {
+    while (given->arrays)
+        PyBuffer_Release(&given->array[--given->arrays]);
+}
+
+/* Size of an element whose format's last letter fits the kind; 0 where it does not. */
+static Py_ssize_t fitting(char kind, const char *format) {
+    char found = format == NULL || !*format ? 'B' : format[strlen(format) - 1];
+    switch (kind) {
+    case 'd': return found == 'd' ? 8 : 0;
+    case 'f': return found == 'f' ? 4 : 0;
+    case 'Q': return found == 'L' || found == 'Q' ? 8 : 0;
+    case 'l': return found == 'l' || found == 'q' ? 8 : 0;
+    case 'i': return found == 'i' ? 4 : 0;
+    case 'I': return found == 'I' ? 4 : 0;
+    case 'H': return found == 'H' ? 2 : 0;
+    default: return found == 'B' || found == '?' ? 1 : 0;
+    }
+}
+
+/* `spec`: for each argument "x" for a number, or the kind and dimensions of an array, "!" after one that is written. */
+static int take(Given *given, const char *spec, PyObject *const *arguments, Py_ssize_t count) {
+    given->arrays = given->numbers = 0;
+    Py_ssize_t at = 0;
+    for (const char *s = spec; *s; at++) {
+        if (at >= count) break;
+        if (*s == 'x') {
+            double number = PyFloat_AsDouble(arguments[at]);
+            if (number == -1.0 && PyErr_Occurred()) goto wrong;
+            given->number[given->numbers++] = number;
+            s++;
+            continue;
+        }
+        char kind = *s++;
+        int dimensions = *s++ - '0', written = *s == '!';
+        s += written;
+        Py_buffer *array = &given->array[given->arrays];
+        if (PyObject_GetBuffer(arguments[at], array, PyBUF_FORMAT | PyBUF_STRIDES | (written ? PyBUF_WRITABLE : 0))) goto wrong;
+        given->arrays++;
+        int gaps = array->ndim > 0 && array->shape[array->ndim - 1] > 1 && array->strides[array->ndim - 1] != array->itemsize;
+        if (array->ndim != dimensions || fitting(kind, array->format) != array->itemsize || gaps) {
+            PyErr_Format(PyExc_TypeError, "argument %zd: expected %d dimensions of '%c' without gaps in a row, found %d of '%s'", at + 1,
+                         dimensions, kind, array->ndim, array->format ? array->format : "B");
+            goto wrong;
+        }
+    }
+    if (at == count) {
+        const char *rest = spec;
+        Py_ssize_t expected = 0;
+        for (; *rest; expected++) {
+            rest += *rest == 'x' ? 1 : 2;
+            rest += *rest == '!';
+        }
+        if (expected == count) return 1;
+    }
+    PyErr_Format(PyExc_TypeError, "%zd arguments do not fit '%s'", count, spec);
+wrong:
+    drop(given);
+    return 0;
+}
+
+static int sized(Given *given, int ok) {
+    if (!ok) {
+        PyErr_SetString(PyExc_ValueError, "the arrays' shapes do not belong together");
+        drop(given);
+    }
+    return ok;
+}
+
+static PyObject *done(Given *given) {
+    drop(given);
+    Py_RETURN_NONE;
+}
+
+/* Loops that gain from wider registers, with the same results: chosen when the module is loaded. */
+#if defined(__x86_64__) && defined(__GLIBC__) && !defined(__clang__)
+#define WIDE __attribute__((target_clones("avx2", "default")))
+#else
+#define WIDE
+#endif
+
+#define ARRAY(n) (&given.array[n])
+#define ROW(type, n, i) ((type *)((char *)given.array[n].buf + (i) * given.array[n].strides[0]))
+#define ROW3(type, n, p, i) ((type *)((char *)given.array[n].buf + (p) * given.array[n].strides[0] + (i) * given.array[n].strides[1]))
+#define LENGTH(n, axis) (given.array[n].shape[axis])
+#define KERNEL(name) static PyObject *name(PyObject *self, PyObject *const *arguments, Py_ssize_t count)
+#define TAKE(spec)   \
+    Given given;     \
+    (void)self;      \
+    if (!take(&given, spec, arguments, count)) return NULL
+
+static inline int64_t floored(double x) {
+    int64_t whole = (int64_t)x;
+    return whole - (x < (double)whole);
+}
+
+/* Flat cell of a patch around the middle, -1 outside and for what is no number. */
+static inline Py_ssize_t patch_cell(double x, double y, double half, double cell, Py_ssize_t cells) {
+    double column = (x + half) / cell, row = (y + half) / cell;
+    if (!(column >= 0 && column < (double)cells && row >= 0 && row < (double)cells)) return -1;
+    return (Py_ssize_t)row * cells + (Py_ssize_t)column;
+}
+
+static inline uint8_t byte_of_rcs(double rcs) {
+    if (isnan(rcs)) return 0;
+    double value = rint(128 + 4 * rcs);
+    return (uint8_t)(value < 1 ? 1 : value > 255 ? 255 : value);
+}
+
+static inline uint8_t byte_within(double value) { return (uint8_t)(value < 1 ? 1 : value > 255 ? 255 : value); }
+
+static inline void raise_to(uint8_t *place, uint8_t value) {
+    if (value > *place) *place = value;
+}
+
+/* One more at a place; `out` has the table's byte for how many there are. */
+static inline void count_one(uint8_t *counts, const uint8_t *table, uint8_t *out, Py_ssize_t at) {
+    counts[at] += counts[at] < 255;
+    out[at] = table[counts[at]];
+}
+
+KERNEL(moved) {
+    TAKE("d2xxxxd2!");
+    Py_ssize_t size = LENGTH(0, 0);
+    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(1, 1) == 2)) return NULL;
+    double x = given.number[0], y = given.number[1], c = given.number[2], s = given.number[3];
+    for (Py_ssize_t n = 0; n < size; n++) {
+        const double *from = ROW(double, 0, n);
+        double *to = ROW(double, 1, n), there = c * from[0] - s * from[1] + x;
+        to[1] = s * from[0] + c * from[1] + y;
+        to[0] = there;
+    }
+    return done(&given);
+}
+
+KERNEL(draw_now) {
+    TAKE("d2d1d1xxB1B3!");
+    Py_ssize_t size = LENGTH(0, 0), side = LENGTH(4, 1), cells = side * side;
+    if (!sized(&given, LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(3, 0) == 256 && LENGTH(4, 0) == 3 && LENGTH(4, 2) == side &&
+                           ARRAY(4)->strides[1] == side && ARRAY(4)->strides[0] == cells))
+        return NULL;
+    const double *rcs = ARRAY(1)->buf, *deviation = ARRAY(2)->buf;
+    const uint8_t *table = ARRAY(3)->buf;
+    uint8_t *out = ARRAY(4)->buf, *counts = calloc(cells, 1);
+    if (counts == NULL) {
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    memset(out, table[0], cells);
+    memset(out + cells, 0, 2 * cells);
+    for (Py_ssize_t n = 0; n < size; n++) {
+        const double *point = ROW(double, 0, n);
+        Py_ssize_t at = patch_cell(point[0], point[1], given.number[0], given.number[1], side);
+        if (at < 0) continue;
+        count_one(counts, table, out, at);
+        raise_to(out + cells + at, byte_of_rcs(rcs[n]));
+        raise_to(out + 2 * cells + at, byte_within(255 - 60 * deviation[n]));
+    }
+    free(counts);
+    return done(&given);
+}
+
+KERNEL(draw_past) {
+    TAKE("d2d1l1d1xxxxxB1B3!");
+    Py_ssize_t size = LENGTH(0, 0), side = LENGTH(5, 1), cells = side * side;
+    if (!sized(&given, LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(3, 0) == size && LENGTH(4, 0) == 256 && LENGTH(5, 0) == 6 &&
+                           LENGTH(5, 2) == side && ARRAY(5)->strides[1] == side && ARRAY(5)->strides[0] == cells))
+        return NULL;
+    const double *age = ARRAY(1)->buf, *rcs = ARRAY(3)->buf;
+    const int64_t *update = ARRAY(2)->buf;
+    const uint8_t *table = ARRAY(4)->buf;
+    uint8_t *out = ARRAY(5)->buf, *counts = calloc(4 * cells, 1);
+    double half = given.number[0], cell = given.number[1], close = given.number[2], middle = given.number[3], fading = given.number[4];
+    int64_t *last = malloc(cells * sizeof *last);
+    if (counts == NULL || last == NULL) {
+        free(counts);
+        free(last);
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    for (Py_ssize_t c = 0; c < cells; c++) last[c] = INT64_MIN;
+    memset(out, table[0], 4 * cells);
+    memset(out + 4 * cells, 0, 2 * cells);
+    for (Py_ssize_t n = 0; n < size; n++) {
+        const double *point = ROW(double, 0, n);
+        Py_ssize_t at = patch_cell(point[0], point[1], half, cell, side);
+        if (at < 0) continue;
+        if (age[n] <= close) count_one(counts, table, out, at);
+        if (age[n] <= middle) count_one(counts, table, out, cells + at);
+        count_one(counts, table, out, 2 * cells + at);
+        if (last[at] != update[n]) count_one(counts, table, out, 3 * cells + at);
+        last[at] = update[n];
+        raise_to(out + 4 * cells + at, byte_within(255 - age[n] * fading));
+        raise_to(out + 5 * cells + at, byte_of_rcs(rcs[n]));
+    }
+    free(counts);
+    free(last);
+    return done(&given);
+}
+
+/* Writes the table's bytes of counts of blocks into all cells of each block. */
+static void spread(const int32_t *counts, const uint8_t *table, uint8_t *out, Py_ssize_t blocks, Py_ssize_t along) {
+    Py_ssize_t side = blocks * along;
+    for (Py_ssize_t i = 0; i < blocks; i++) {
+        uint8_t *first = out + i * along * side;
+        for (Py_ssize_t j = 0; j < blocks; j++) {
+            int32_t found = counts[i * blocks + j];
+            memset(first + j * along, table[found > 255 ? 255 : found], along);
+        }
+        for (Py_ssize_t k = 1; k < along; k++) memcpy(first + k * side, first, side);
+    }
+}
+
+/* Blocks that the first points of a ray lie in, `blocks` squared for those outside. */
+WIDE static void along_ray(Py_ssize_t points, float x, float y, float dx, float dy, float length, float half, float step, int32_t blocks, int32_t *out) {
+    for (int32_t k = 0; k < (int32_t)points; k++) {
+        float share = (0.5f + (float)k) * step / length;
+        float column = (x + share * dx + half) / step, row = (y + share * dy + half) / step;
+        int inside = (column >= 0) & (column < (float)blocks) & (row >= 0) & (row < (float)blocks);
+        out[k] = inside ? (int32_t)row * blocks + (int32_t)column : blocks * blocks;
+    }
+}
+
+KERNEL(draw_passes) {
+    TAKE("f2f2f1xxxxB1B2!");
+    Py_ssize_t rays = LENGTH(0, 0), side = LENGTH(4, 0), along = (Py_ssize_t)given.number[3], blocks = along > 0 ? side / along : 0;
+    if (!sized(&given, LENGTH(1, 0) == rays && LENGTH(2, 0) == rays && LENGTH(0, 1) == 2 && LENGTH(1, 1) == 2 && LENGTH(3, 0) == 256 &&
+                           blocks * along == side && LENGTH(4, 1) == side && ARRAY(4)->strides[0] == side))
+        return NULL;
+    const float *distance = ARRAY(2)->buf;
+    float half = (float)given.number[0], step = (float)given.number[1], margin = (float)given.number[2];
+    float longest = 0;
+    for (Py_ssize_t n = 0; n < rays; n++) longest = distance[n] > longest ? distance[n] : longest;
+    int32_t *counts = calloc(blocks * blocks + 1, sizeof *counts), *passed = malloc(((Py_ssize_t)(longest / step) + 2) * sizeof *passed);
+    if (counts == NULL || passed == NULL || !isfinite(longest)) {
+        free(counts);
+        free(passed);
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    for (Py_ssize_t n = 0; n < rays; n++) {
+        const float *origin = ROW(float, 0, n), *way = ROW(float, 1, n);
+        float limit = distance[n] - margin, length = distance[n] > 1e-3f ? distance[n] : 1e-3f;
+        Py_ssize_t points = limit > 0 ? (Py_ssize_t)(limit / step) : 0; /* about as many: */
+        while (points > 0 && !((0.5f + (float)(points - 1)) * step < limit)) points--;
+        while ((0.5f + (float)points) * step < limit) points++;
+        along_ray(points, origin[0], origin[1], way[0], way[1], length, half, step, (int32_t)blocks, passed);
+        for (Py_ssize_t k = 0; k < points; k++) counts[passed[k]]++;
+    }
+    spread(counts, ARRAY(3)->buf, ARRAY(4)->buf, blocks, along);
+    free(counts);
+    free(passed);
+    return done(&given);
+}
+
+WIDE static void count_seen(const float *squares, const float *products, float square, float product, float reach, float least, Py_ssize_t blocks,
+                            int32_t *counts) {
+    for (Py_ssize_t j = 0; j < blocks; j++) {
+        float distance = sqrtf(squares[j] + square);
+        counts[j] += (distance <= reach) & (products[j] + product >= distance * least);
+    }
+}
+
+KERNEL(draw_looks) {
+    TAKE("f2f1B1B2!");
+    Py_ssize_t scans = LENGTH(0, 0), blocks = LENGTH(1, 0), side = LENGTH(3, 0);
+    if (!sized(&given, LENGTH(0, 1) == 6 && LENGTH(2, 0) == 256 && blocks > 0 && side % blocks == 0 && LENGTH(3, 1) == side &&
+                           ARRAY(3)->strides[0] == side))
+        return NULL;
+    const float *middle = ARRAY(1)->buf;
+    int32_t *counts = calloc(blocks * blocks, sizeof *counts);
+    float *along = malloc(2 * blocks * sizeof *along);
+    if (counts == NULL || along == NULL) {
+        free(counts);
+        free(along);
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    Py_BEGIN_ALLOW_THREADS;
+    for (Py_ssize_t n = 0; n < scans; n++) {
+        const float *scan = ROW(float, 0, n); /* x, y, cos and sin of yaw, range, cosine of half the field of view */
+        float reach = scan[4], least = scan[5], *squares = along, *products = along + blocks;
+        for (Py_ssize_t j = 0; j < blocks; j++) {
+            float dx = middle[j] - scan[0];
+            squares[j] = dx * dx;
+            products[j] = dx * scan[2];
+        }
+        for (Py_ssize_t i = 0; i < blocks; i++) {
+            float dy = middle[i] - scan[1], square = dy * dy, product = dy * scan[3];
+            count_seen(squares, products, square, product, reach, least, blocks, counts + i * blocks);
+        }
+    }
+    Py_END_ALLOW_THREADS;
+    spread(counts, ARRAY(2)->buf, ARRAY(3)->buf, blocks, side / blocks);
+    free(counts);
+    free(along);
+    return done(&given);
+}
+
+/* Where a row of map cells lies in the patch with its border of one zero cell: the cell to the lower left, -1 outside, and how far on from
+ * its centre. */
+WIDE static void place_row(const float *dx, Py_ssize_t width, float dy, float c, float s, float shift, int32_t cells, int32_t *flat, float *fu,
+                           float *fv) {
+    float limit = (float)(cells + 1), sine = s * dy, cosine = c * dy;
+    for (Py_ssize_t j = 0; j < width; j++) {
+        float u = c * dx[j] + sine + shift, v = cosine - s * dx[j] + shift;
+        int32_t column = (int32_t)u, row = (int32_t)v;
+        int inside = (u >= 0) & (v >= 0) & (u < limit) & (v < limit);
+        flat[j] = inside ? row * (cells + 2) + column : -1;
+        fu[j] = u - (float)column;
+        fv[j] = v - (float)row;
+    }
+}
+
+KERNEL(bilinear) {
+    TAKE("f3f1f1xxxf3!");
+    Py_ssize_t planes = LENGTH(0, 0), cells = LENGTH(0, 1), width = LENGTH(1, 0), height = LENGTH(2, 0), across = cells + 2;
+    if (!sized(&given, LENGTH(0, 2) == cells && LENGTH(3, 0) == planes && LENGTH(3, 1) == height && LENGTH(3, 2) == width)) return NULL;
+    const float *dx = ARRAY(1)->buf, *dy = ARRAY(2)->buf;
+    float c = (float)given.number[0], s = (float)given.number[1], shift = (float)given.number[2];
+    float *padded = calloc(planes * across * across, sizeof *padded), *fu = malloc(3 * width * sizeof *fu + 1), *fv = fu + width;
+    int32_t *flat = (int32_t *)(fv + width);
+    if (padded == NULL || fu == NULL) {
+        free(padded);
+        free(fu);
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    Py_BEGIN_ALLOW_THREADS;
+    for (Py_ssize_t p = 0; p < planes; p++)
+        for (Py_ssize_t i = 0; i < cells; i++)
+            memcpy(padded + (p * across + i + 1) * across + 1, ROW3(float, 0, p, i), cells * sizeof *padded);
+    for (Py_ssize_t i = 0; i < height; i++) {
+        place_row(dx, width, dy[i], c, s, shift, (int32_t)cells, flat, fu, fv);
+        for (Py_ssize_t p = 0; p < planes; p++) {
+            const float *plane = padded + p * across * across;
+            float *out = ROW3(float, 3, p, i);
+            for (Py_ssize_t j = 0; j < width; j++) {
+                out[j] = 0;
+                if (flat[j] < 0) continue;
+                const float *lower = plane + flat[j], *upper = lower + across;
+                float below = lower[0] * (1 - fu[j]) + lower[1] * fu[j], above = upper[0] * (1 - fu[j]) + upper[1] * fu[j];
+                out[j] = below * (1 - fv[j]) + above * fv[j];
+            }
+        }
+    }
+    Py_END_ALLOW_THREADS;
+    free(padded);
+    free(fu);
+    return done(&given);
+}
+
+KERNEL(nearest) {
+    TAKE("H2f1f1xxxH2!");
+    Py_ssize_t cells = LENGTH(0, 0), width = LENGTH(1, 0), height = LENGTH(2, 0), across = cells + 2;
+    if (!sized(&given, LENGTH(0, 1) == cells && LENGTH(3, 0) == height && LENGTH(3, 1) == width)) return NULL;
+    const float *dx = ARRAY(1)->buf, *dy = ARRAY(2)->buf;
+    float c = (float)given.number[0], s = (float)given.number[1], shift = (float)given.number[2];
+    uint16_t *padded = calloc(across * across, sizeof *padded);
+    float *fu = malloc(3 * width * sizeof *fu + 1), *fv = fu + width;
+    int32_t *flat = (int32_t *)(fv + width);
+    if (padded == NULL || fu == NULL) {
+        free(padded);
+        free(fu);
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    for (Py_ssize_t i = 0; i < cells; i++) memcpy(padded + (i + 1) * across + 1, ROW(uint16_t, 0, i), cells * sizeof *padded);
+    for (Py_ssize_t i = 0; i < height; i++) {
+        uint16_t *out = ROW(uint16_t, 3, i);
+        place_row(dx, width, dy[i], c, s, shift, (int32_t)cells, flat, fu, fv);
+        for (Py_ssize_t j = 0; j < width; j++)
+            out[j] = flat[j] < 0 ? 0 : padded[flat[j] + (fu[j] >= 0.5f) + (fv[j] >= 0.5f ? across : 0)];
+    }
+    free(padded);
+    free(fu);
+    return done(&given);
+}
+
+KERNEL(note_view) {
+    TAKE("H2xH2!I2!");
+    Py_ssize_t height = LENGTH(0, 0), width = LENGTH(0, 1);
+    if (!sized(&given, LENGTH(1, 0) == height && LENGTH(1, 1) == width && LENGTH(2, 0) == height && LENGTH(2, 1) == width)) return NULL;
+    uint32_t now = (uint32_t)given.number[0];
+    for (Py_ssize_t i = 0; i < height; i++) {
+        const uint16_t *bits = ROW(uint16_t, 0, i);
+        uint16_t *radars = ROW(uint16_t, 1, i);
+        uint32_t *seen = ROW(uint32_t, 2, i);
+        for (Py_ssize_t j = 0; j < width; j++) {
+            radars[j] |= bits[j];
+            seen[j] = bits[j] ? now : seen[j];
+        }
+    }
+    return done(&given);
+}
+
+KERNEL(add_look) {
+    TAKE("f3xf3!");
+    Py_ssize_t height = LENGTH(0, 1), width = LENGTH(0, 2);
+    if (!sized(&given, LENGTH(0, 0) == 2 && LENGTH(1, 0) == 2 && LENGTH(1, 1) == height && LENGTH(1, 2) == width)) return NULL;
+    float most = (float)given.number[0];
+    for (Py_ssize_t i = 0; i < height; i++) {
+        const float *more = ROW3(float, 0, 0, i), *heavier = ROW3(float, 0, 1, i);
+        float *total = ROW3(float, 1, 0, i), *weight = ROW3(float, 1, 1, i);
+        for (Py_ssize_t j = 0; j < width; j++) {
+            float w = weight[j] + heavier[j], sum = total[j] + more[j];
+            float kept = most / (w > 1 ? w : 1);
+            kept = kept < 1 ? kept : 1;
+            total[j] = sum * kept;
+            weight[j] = w * kept;
+        }
+    }
+    return done(&given);
+}
+
+KERNEL(add_clamped) {
+    TAKE("f2xxf2!");
+    Py_ssize_t height = LENGTH(0, 0), width = LENGTH(0, 1);
+    if (!sized(&given, LENGTH(1, 0) == height && LENGTH(1, 1) == width)) return NULL;
+    float clamp = (float)given.number[0], least = (float)given.number[1];
+    for (Py_ssize_t i = 0; i < height; i++) {
+        const float *added = ROW(float, 0, i);
+        float *layer = ROW(float, 1, i);
+        for (Py_ssize_t j = 0; j < width; j++) {
+            float total = layer[j] + added[j];
+            total = total < -clamp ? -clamp : total;
+            total = total > clamp ? clamp : total;
+            layer[j] = added[j] != 0 && total == 0 ? least : total;
+        }
+    }
+    return done(&given);
+}
+
+KERNEL(elfes) {
+    TAKE("d2d1d3d1xxxxxf2!");
+    Py_ssize_t size = LENGTH(0, 0), rays = LENGTH(3, 0), side = LENGTH(4, 0), cells = side * side;
+    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(2, 1) == rays && LENGTH(2, 2) == 2 &&
+                           LENGTH(4, 1) == side))
+        return NULL;
+    const double *distances = ARRAY(1)->buf, *weights = ARRAY(3)->buf;
+    double half = given.number[0], cell = given.number[1], free_ = given.number[2], occupied = given.number[3], step = cell / 2;
+    double *total = calloc(2 * cells, sizeof *total), *one = total + cells; /* of all detections, and of the one at hand */
+    int32_t *by = calloc(3 * cells, sizeof *by), *mine = by + cells, *list = by + 2 * cells; /* ray and detection that touched a cell last */
+    if (total == NULL || by == NULL) {
+        free(total);
+        free(by);
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    Py_BEGIN_ALLOW_THREADS;
+    for (Py_ssize_t n = 0; n < size; n++) {
+        const double *origin = ROW(double, 0, n);
+        double distance = distances[n];
+        Py_ssize_t touched = 0, steps = (Py_ssize_t)ceil((distance - given.number[4] - step) / step);
+        for (Py_ssize_t r = 0; r < 2 * rays; r++) { /* what the rays pass, then where they end */
+            const double *ray = ROW3(double, 2, n, r % rays);
+            int ends = r >= rays;
+            double said = ends ? occupied * weights[r - rays] : free_ * weights[r];
+            for (Py_ssize_t k = 0; k < (ends ? 1 : steps); k++) {
+                double along = ends ? distance : step + (double)k * step;
+                Py_ssize_t at = patch_cell(origin[0] + along * ray[0], origin[1] + along * ray[1], half, cell, side);
+                int32_t stamp = (int32_t)(n * rays + r + 1);
+                if (at < 0 || (!ends && by[at] == stamp)) continue;
+                if (!ends) by[at] = stamp;
+                if (mine[at] != n + 1) {
+                    mine[at] = (int32_t)(n + 1);
+                    list[touched++] = (int32_t)at;
+                }
+                one[at] += said;
+            }
+        }
+        for (Py_ssize_t t = 0; t < touched; t++) {
+            total[list[t]] += (double)(float)one[list[t]];
+            one[list[t]] = 0;
+        }
+    }
+    for (Py_ssize_t i = 0; i < side; i++)
+        for (Py_ssize_t j = 0; j < side; j++) ROW(float, 4, i)[j] = (float)total[i * side + j];
+    Py_END_ALLOW_THREADS;
+    free(total);
+    free(by);
+    return done(&given);
+}
+
+/* What a look adds to one cell, by its row and column in the window. */
+typedef struct {
+    int16_t row, column;
+    uint16_t who, passed;
+    double share, near;
+} Touched;
+
+typedef struct {
+    int64_t row, column, size; /* of the first cell in the map, and along a side */
+    double cell, inverse;
+} Window;
+
+static inline Touched *touch(Touched *list, int32_t *place, Py_ssize_t *count, int64_t row, int64_t column, int64_t size) {
+    int64_t cell = row * size + column;
+    if (!place[cell]) {
+        list[*count] = (Touched){.row = (int16_t)row, .column = (int16_t)column};
+        place[cell] = (int32_t)++*count;
+    }
+    return &list[place[cell] - 1];
+}
+
+static int ascending(const void *one, const void *other) { return (*(int32_t *)one > *(int32_t *)other) - (*(int32_t *)one < *(int32_t *)other); }
+
+/* floor(x / cell): by its inverse, except where that lies so near to a whole number that the quotient might be on the other side of it. */
+static inline int64_t floored_quotient(double x, const Window *window) {
+    double quotient = x * window->inverse, whole = (double)floored(quotient), beyond = quotient - whole;
+    if (!(beyond > 1e-6 && beyond < 1 - 1e-6) || !(fabs(quotient) < 1e6)) return floored(x / window->cell);
+    return (int64_t)whole;
+}
+
+static inline int inside_window(double x, double y, const Window *window, int64_t *row, int64_t *column) {
+    *column = floored_quotient(x, window) - window->column;
+    *row = floored_quotient(y, window) - window->row;
+    return *row >= 0 && *row < window->size && *column >= 0 && *column < window->size;
+}
+
+KERNEL(look) {
+    TAKE("xxxxd2d1d2d2d2d1H1xl1d1f1!B1!B1!i1!l1!i1!f1!f1!f1!H1!");
+    int64_t row = (int64_t)given.number[0], column = (int64_t)given.number[1], size = (int64_t)given.number[2];
+    Py_ssize_t beams = LENGTH(2, 0), rays = LENGTH(1, 0), around = LENGTH(7, 0), cells = size * size, tile_row = row >> 7, tile_column = column >> 7;
+    Py_ssize_t tall = ((row + size - 1) >> 7) - tile_row + 1, wide = ((column + size - 1) >> 7) - tile_column + 1;
+    int fits = LENGTH(0, 0) == beams * rays && LENGTH(0, 1) == 2 && LENGTH(2, 1) == 2 && LENGTH(3, 0) == beams && LENGTH(3, 1) == 2 &&
+               LENGTH(4, 0) == beams && LENGTH(4, 1) == 2 && LENGTH(5, 0) == beams && LENGTH(6, 0) == beams && LENGTH(8, 0) == around &&
+               LENGTH(13, 0) == tall * wide + 1 && size < 1 << 15;
+    for (int n = 9; n < 19; n++) fits &= n == 13 || LENGTH(n, 0) == cells;
+    if (!sized(&given, fits)) return NULL;
+    const double *shares = ARRAY(1)->buf, *distance = ARRAY(5)->buf, *weights = ARRAY(8)->buf;
+    const uint16_t *radars = ARRAY(6)->buf;
+    const int64_t *offsets = ARRAY(7)->buf;
+    float *hit = ARRAY(9)->buf, *hits = ARRAY(15)->buf, *near = ARRAY(16)->buf, *passes = ARRAY(17)->buf;
+    uint8_t *own = ARRAY(10)->buf, *passed = ARRAY(11)->buf;
+    uint16_t *who = ARRAY(18)->buf;
+    int64_t *begins = ARRAY(13)->buf;
+    int32_t *inside = ARRAY(14)->buf, *place = ARRAY(12)->buf;
+    double cell = given.number[3], margin = given.number[4], step = cell / 2;
+    Py_ssize_t touched = 0, fresh = 0;
+    double most = beams * (double)(rays + around); /* cells that may be touched */
+    for (Py_ssize_t n = 0; n < beams; n++) most += distance[n] > 0 ? distance[n] / step + 1 : 0;
+    int32_t *mine = malloc((beams + 1) * sizeof *mine);
+    Touched *list = malloc((most < cells ? (size_t)most + 1 : (size_t)cells + 1) * sizeof *list);
+    if (mine == NULL || list == NULL) {
+        free(mine);
+        free(list);
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    const Window window = {row, column, size, cell, 1 / cell};
+    int64_t r, c;
+    Py_BEGIN_ALLOW_THREADS;
+    for (Py_ssize_t n = 0; n < beams * rays; n++) {
+        const double *end = ROW(double, 0, n);
+        if (!inside_window(end[0], end[1], &window, &r, &c)) continue;
+        Touched *found = touch(list, place, &touched, r, c, size);
+        found->share += shares[n % rays];
+        found->who |= radars[n / rays];
+    }
+    for (Py_ssize_t n = 0; n < beams; n++) {
+        const double *point = ROW(double, 2, n), *origin = ROW(double, 3, n), *direction = ROW(double, 4, n);
+        int64_t before = -1;
+        if (inside_window(point[0], point[1], &window, &r, &c) && !own[r * size + c]) {
+            own[r * size + c] = 1;
+            mine[fresh++] = (int32_t)(r * size + c);
+        }
+        for (Py_ssize_t k = 0;; k++) {
+            double along = step + (double)k * step;
+            if (!(along < distance[n] - margin)) break;
+            if (!inside_window(origin[0] + along * direction[0], origin[1] + along * direction[1], &window, &r, &c)) continue;
+            int64_t at = r * size + c;
+            if (at == before) continue;
+            before = at;
+            Touched *found = touch(list, place, &touched, r, c, size);
+            found->who |= radars[n];
+            found->passed |= !passed[at];
+            passed[at] = 1;
+        }
+    }
+    qsort(mine, fresh, sizeof *mine, ascending); /* sums are made in this order everywhere */
+    for (Py_ssize_t n = 0; n < fresh; n++)
+        for (Py_ssize_t k = 0; k < around; k++) {
+            int64_t at = mine[n] + offsets[k];
+            if (at >= 0 && at < cells) touch(list, place, &touched, at / size, at % size, size)->near += weights[k];
+        }
+    memset(begins, 0, (tall * wide + 1) * sizeof *begins);
+#define TILE_OF(one) ((((one).row + row) >> 7) - tile_row) * wide + (((one).column + column) >> 7) - tile_column
+    for (Py_ssize_t n = 0; n < touched; n++) begins[TILE_OF(list[n]) + 1]++;
+    for (Py_ssize_t t = 0; t < tall * wide; t++) begins[t + 1] += begins[t];
+    for (Py_ssize_t n = 0; n < touched; n++) {
+        const Touched *found = &list[n];
+        int64_t at = found->row * size + found->column;
+        Py_ssize_t out = begins[TILE_OF(*found)]++;
+        float share = (float)(found->share < 1 ? found->share : 1), more = share - hit[at];
+        place[at] = 0;
+        hits[out] = more > 0 ? more : 0;
+        hit[at] += hits[out];
+        inside[out] = (int32_t)(((found->row + row) & 127) * SIDE + ((found->column + column) & 127));
+        near[out] = (float)found->near;
+        passes[out] = found->passed;
+        who[out] = found->who;
+    }
+    memmove(begins + 1, begins, tall * wide * sizeof *begins);
+    begins[0] = 0;
+    Py_END_ALLOW_THREADS;
+    free(mine);
+    free(list);
+    return done(&given);
+}
+
+KERNEL(add_measured) {
+    TAKE("i1f1f1f1B1B1H1xxxf3!H2!I2!");
+    Py_ssize_t size = LENGTH(0, 0);
+    int fits = LENGTH(7, 0) == 3 && LENGTH(7, 1) == SIDE && LENGTH(7, 2) == SIDE && LENGTH(8, 0) == SIDE && LENGTH(8, 1) == SIDE &&
+               LENGTH(9, 0) == SIDE && LENGTH(9, 1) == SIDE && ARRAY(7)->strides[1] == 4 * SIDE && ARRAY(8)->strides[0] == 2 * SIDE &&
+               ARRAY(9)->strides[0] == 4 * SIDE;
+    for (int n = 1; n < 7; n++) fits &= LENGTH(n, 0) == size;
+    const int32_t *cells = ARRAY(0)->buf;
+    for (Py_ssize_t n = 0; fits && n < size; n++) fits = cells[n] >= 0 && cells[n] < SIDE * SIDE;
+    if (!sized(&given, fits)) return NULL;
+    const float *hits = ARRAY(1)->buf, *near = ARRAY(2)->buf, *passes = ARRAY(3)->buf;
+    const uint8_t *arrived = ARRAY(4)->buf, *left = ARRAY(5)->buf;
+    const uint16_t *who = ARRAY(6)->buf;
+    float gone = (float)given.number[1], most = (float)given.number[2];
+    float *hit = ROW3(float, 7, 0, 0), *beside = ROW3(float, 7, 1, 0), *passed = ROW3(float, 7, 2, 0);
+    uint16_t *radars = ARRAY(8)->buf;
+    uint32_t *seen = ARRAY(9)->buf;
+    for (Py_ssize_t n = 0; n < size; n++) {
+        int32_t at = cells[n];
+        if (who[n]) {
+            radars[at] |= who[n];
+            seen[at] = (uint32_t)given.number[0];
+        }
+        if (arrived[n]) passed[at] = 0;
+        if (left[n]) {
+            hit[at] = beside[at] = 0;
+            passed[at] = passed[at] > gone ? passed[at] : gone;
+        }
+        hit[at] += hits[n];
+        beside[at] += near[n];
+        passed[at] += passes[n];
+        float total = hit[at] + passed[at];
+        if (total > most) {
+            float kept = most / total;
+            hit[at] *= kept;
+            beside[at] *= kept;
+            passed[at] *= kept;
+        }
+    }
+    return done(&given);
+}
+
+KERNEL(usual) {
+    TAKE("l1l1l1xxxxxxxf2!f2!B1!B1!");
+    Py_ssize_t size = LENGTH(3, 1), hits = LENGTH(0, 0);
+    if (!sized(&given, LENGTH(3, 0) == 2 && LENGTH(4, 0) == 2 && LENGTH(4, 1) == size && LENGTH(5, 0) == size && LENGTH(6, 0) == size)) return NULL;
+    uint8_t *near = calloc(2 * size, 1), *arrived = ARRAY(5)->buf, *left = ARRAY(6)->buf;
+    if (near == NULL) {
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    float quick = (float)given.number[0], slow = (float)given.number[1];
+    float arrives = (float)given.number[2], before = (float)given.number[3], stayed = (float)given.number[4], leaves = (float)given.number[5];
+    const int64_t *hit = ARRAY(0)->buf;
+    Py_BEGIN_ALLOW_THREADS;
+    for (int disc = 0; disc < 2; disc++) {
+        const int64_t *offsets = ARRAY(1 + disc)->buf;
+        for (Py_ssize_t n = 0; n < hits; n++)
+            for (Py_ssize_t k = 0; k < LENGTH(1 + disc, 0); k++) {
+                int64_t at = hit[n] + offsets[k];
+                if (at >= 0 && at < size) near[disc * size + at] = 1;
+            }
+        float *recent = ROW(float, 3, disc), *long_ago = ROW(float, 4, disc);
+        const uint8_t *now = near + disc * size;
+        for (Py_ssize_t c = 0; c < size; c++) {
+            recent[c] += ((float)now[c] - recent[c]) * quick;
+            long_ago[c] += ((float)now[c] - long_ago[c]) * slow;
+        }
+    }
+    float *here = ROW(float, 3, 0), *beside = ROW(float, 3, 1), *known_here = ROW(float, 4, 0), *known_beside = ROW(float, 4, 1);
+    if (given.number[6] == 0) {
+        memset(left, 0, size);
+        memset(arrived, 0, size);
+    } else for (Py_ssize_t c = 0; c < size; c++) {
+        left[c] = (known_here[c] > stayed) & (beside[c] < leaves);
+        known_here[c] = left[c] ? 0 : known_here[c];
+        known_beside[c] = left[c] ? 0 : known_beside[c];
+        arrived[c] = near[c] & (here[c] > arrives) & (known_beside[c] < before * here[c]);
+    }
+    Py_END_ALLOW_THREADS;
+    free(near);
+    return done(&given);
+}
+
+KERNEL(signals) {
+    TAKE("B2l2d2Q2!l2!d2!B2!");
+    Py_ssize_t size = LENGTH(0, 0), length = LENGTH(0, 1), columns = LENGTH(1, 0);
+    int fits = LENGTH(1, 1) == 5 && LENGTH(2, 0) == columns && LENGTH(2, 1) == 2;
+    for (int n = 3; n < 7; n++) fits &= LENGTH(n, 0) == size && LENGTH(n, 1) == columns;
+    if (!sized(&given, fits)) return NULL;
+    for (Py_ssize_t n = 0; n < size; n++) {
+        const uint8_t *payload = ROW(uint8_t, 0, n);
+        for (Py_ssize_t c = 0; c < columns; c++) {
+            const int64_t *place = ROW(int64_t, 1, c); /* byte of the lowest bit, +1 upwards or -1 downwards, shift, length, is signed */
+            const double *linear = ROW(double, 2, c);
+            uint64_t word = 0, sign = place[4] ? (uint64_t)1 << (place[3] - 1) : 0;
+            for (int64_t k = 0; 8 * k < place[2] + place[3]; k++) {
+                int64_t at = place[0] + k * place[1];
+                uint64_t byte = at >= 0 && at < length ? payload[at] : 0;
+                word |= 8 * k >= place[2] ? byte << (8 * k - place[2]) : byte >> (place[2] - 8 * k);
+            }
+            word &= place[3] < 64 ? ((uint64_t)1 << place[3]) - 1 : ~(uint64_t)0;
+            ROW(uint64_t, 3, n)[c] = word;
+            int64_t raw = (int64_t)((word ^ sign) - sign);
+            ROW(int64_t, 4, n)[c] = raw;
+            ROW(double, 5, n)[c] = (double)raw * linear[0] + linear[1];
+            ROW(uint8_t, 6, n)[c] = 1;
+        }
+    }
+    return done(&given);
+}
+
+/* The value of a flag for one frame and one of its numbered signals. */
+static inline int holds(const int64_t *flag, const int64_t *numbers, const int64_t *raw, const uint8_t *there, Py_ssize_t each, Py_ssize_t k) {
+    int64_t value = raw[flag[0] * each + k];
+    int found = 0;
+    for (int64_t i = flag[2]; i < flag[3]; i++) found |= value == numbers[i];
+    return (found == (int)flag[1]) & there[flag[0] * each + k];
+}
+
+KERNEL(quantities) {
+    TAKE("d2l2B2xl2d2l2l1xxd2!");
+    Py_ssize_t size = LENGTH(0, 0), columns = LENGTH(0, 1), each = (Py_ssize_t)given.number[0], kinds = LENGTH(3, 0), flags = LENGTH(5, 0);
+    int64_t all = (int64_t)given.number[1];
+    double greatest = given.number[2];
+    int fits = LENGTH(1, 0) == size && LENGTH(1, 1) == columns && LENGTH(2, 0) == size && LENGTH(2, 1) == columns && LENGTH(3, 1) == 3 &&
+               LENGTH(4, 0) == kinds && LENGTH(4, 1) == 2 && LENGTH(5, 1) == 4 && LENGTH(7, 0) == kinds && LENGTH(7, 1) == size * each && all < flags;
+    for (Py_ssize_t f = 0; fits && f < flags; f++) {
+        const int64_t *flag = ROW(int64_t, 5, f);
+        fits = flag[0] >= 0 && (flag[0] + 1) * each <= columns && flag[2] >= 0 && flag[3] <= LENGTH(6, 0);
+    }
+    for (Py_ssize_t q = 0; fits && q < kinds; q++) {
+        const int64_t *plan = ROW(int64_t, 3, q);
+        fits = plan[0] >= 0 && (plan[0] + 1) * each <= columns && plan[1] < flags && plan[2] < flags;
+    }
+    if (!sized(&given, fits)) return NULL;
+    const int64_t *numbers = ARRAY(6)->buf;
+    for (Py_ssize_t n = 0; n < size; n++) {
+        const double *physical = ROW(double, 0, n);
+        const int64_t *raw = ROW(int64_t, 1, n);
+        const uint8_t *there = ROW(uint8_t, 2, n);
+        for (Py_ssize_t k = 0; k < each; k++) {
+            int sound = all < 0 || holds(ROW(int64_t, 5, all), numbers, raw, there, each, k);
+            for (Py_ssize_t q = 0; q < kinds; q++) {
+                const int64_t *plan = ROW(int64_t, 3, q); /* row of its signal, flag of its validity, flag of its sign; -1: none */
+                const double *unit = ROW(double, 4, q);
+                double value = physical[plan[0] * each + k] * unit[0] + unit[1];
+                if (plan[2] >= 0 && holds(ROW(int64_t, 5, plan[2]), numbers, raw, there, each, k)) value = -value;
+                if (!sound || (plan[1] >= 0 && !holds(ROW(int64_t, 5, plan[1]), numbers, raw, there, each, k))) value = NAN;
+                ROW(double, 7, q)[n * each + k] = fabs(value) < greatest ? value : NAN;
+            }
+        }
+    }
+    return done(&given);
+}
+
+KERNEL(fold) {
+    TAKE("B3B3!");
+    Py_ssize_t planes = LENGTH(0, 0), height = LENGTH(1, 1), width = LENGTH(1, 2);
+    if (!sized(&given, LENGTH(0, 1) == 2 * height && LENGTH(0, 2) == 2 * width && LENGTH(1, 0) == 4 * planes)) return NULL;
+    for (Py_ssize_t p = 0; p < planes; p++)
+        for (Py_ssize_t i = 0; i < 2 * height; i++) {
+            const uint8_t *from = ROW3(uint8_t, 0, p, i);
+            uint8_t *even = ROW3(uint8_t, 1, 4 * p + 2 * (i & 1), i >> 1), *odd = ROW3(uint8_t, 1, 4 * p + 2 * (i & 1) + 1, i >> 1);
+            for (Py_ssize_t j = 0; j < width; j++) {
+                even[j] = from[2 * j];
+                odd[j] = from[2 * j + 1];
+            }
+        }
+    return done(&given);
+}
+
+/* exp(x) for |x| <= 87: 2^k exp(r), r within half of ln 2, by the reference's sums and products. */
+static inline float exponential(float x) {
+    int32_t k = (int32_t)(x * 1.44269502f + (x < 0 ? -0.5f : 0.5f)), bits = (k + 127) * (1 << 23);
+    float r = x - (float)k * 0.693359375f + (float)k * 2.12194440e-4f, p = 1.98412698e-4f, power;
+    p = p * r + 1.38888889e-3f;
+    p = p * r + 8.33333333e-3f;
+    p = p * r + 4.16666667e-2f;
+    p = p * r + 1.66666667e-1f;
+    p = p * r + 0.5f;
+    p = p * r + 1.0f;
+    p = p * r + 1.0f;
+    memcpy(&power, &bits, sizeof power);
+    return p * power;
+}
+
+WIDE static void odds_row(const float *vacant, const float *unknown, const float *occupied, Py_ssize_t width, float *odds, float *share) {
+    for (Py_ssize_t j = 0; j < width; j++) {
+        float difference = occupied[j] - vacant[j], less = difference < 0 ? difference : -difference;
+        float rest = unknown[j] - (difference > 0 ? occupied[j] : vacant[j]);
+        less = less < -60 ? -60 : less;
+        rest = rest < -60 ? -60 : rest;
+        rest = rest > 60 ? 60 : rest;
+        float known = 1 + exponential(less);
+        odds[j] = difference;
+        share[j] = known / (known + exponential(rest));
+    }
+}
+
+KERNEL(odds) {
+    TAKE("f3f3!");
+    Py_ssize_t height = LENGTH(0, 1), width = LENGTH(0, 2);
+    if (!sized(&given, LENGTH(0, 0) == 12 && LENGTH(1, 0) == 2 && LENGTH(1, 1) == 2 * height && LENGTH(1, 2) == 2 * width)) return NULL;
+    float *odds = malloc(2 * width * sizeof *odds + 1), *share = odds + width;
+    if (odds == NULL) {
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    for (Py_ssize_t i = 0; i < 2 * height; i++) {
+        float *log_odds = ROW3(float, 1, 0, i), *weight = ROW3(float, 1, 1, i);
+        for (Py_ssize_t side = 0; side < 2; side++) {
+            Py_ssize_t part = 2 * (i & 1) + side;
+            odds_row(ROW3(float, 0, part, i >> 1), ROW3(float, 0, 4 + part, i >> 1), ROW3(float, 0, 8 + part, i >> 1), width, odds, share);
+            for (Py_ssize_t j = 0; j < width; j++) {
+                log_odds[2 * j + side] = odds[j];
+                weight[2 * j + side] = share[j];
+            }
+        }
+    }
+    free(odds);
+    return done(&given);
+}
+
+KERNEL(beside) {
+    TAKE("d2B1xB1!");
+    Py_ssize_t size = LENGTH(0, 0), movers = 0;
+    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(2, 0) == size)) return NULL;
+    const uint8_t *moving = ARRAY(1)->buf;
+    uint8_t *out = ARRAY(2)->buf;
+    double square = given.number[0] * given.number[0], *of = malloc((2 * size + 1) * sizeof *of);
+    if (of == NULL) {
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    for (Py_ssize_t n = 0; n < size; n++)
+        if (moving[n]) {
+            of[2 * movers] = ROW(double, 0, n)[0];
+            of[2 * movers++ + 1] = ROW(double, 0, n)[1];
+        }
+    for (Py_ssize_t n = 0; n < size; n++) {
+        const double *point = ROW(double, 0, n);
+        int near = 0;
+        for (Py_ssize_t m = 0; m < movers; m++) {
+            double dx = point[0] - of[2 * m], dy = point[1] - of[2 * m + 1];
+            near += dx * dx + dy * dy < square;
+        }
+        out[n] = near >= 2;
+    }
+    free(of);
+    return done(&given);
+}
+
+/* What a motion leaves of a range rate, modulo the ambiguity interval where there is one. */
+static inline double left_of(double rate, const double *slope, double interval, double speed, double yaw_rate) {
+    double left = rate - (speed * slope[0] + yaw_rate * slope[1]);
+    return interval > 0 ? left - interval * rint(left / interval) : left;
+}
+
+KERNEL(agreeing) {
+    TAKE("d2d1d1d2xl1!");
+    Py_ssize_t size = LENGTH(0, 0), guesses = LENGTH(3, 0);
+    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(3, 1) == 2 && LENGTH(4, 0) == guesses)) return NULL;
+    const double *rate = ARRAY(1)->buf, *interval = ARRAY(2)->buf;
+    for (Py_ssize_t m = 0; m < guesses; m++) {
+        const double *guess = ROW(double, 3, m);
+        int64_t count = 0;
+        for (Py_ssize_t n = 0; n < size; n++) count += fabs(left_of(rate[n], ROW(double, 0, n), interval[n], guess[0], guess[1])) < given.number[0];
+        ((int64_t *)ARRAY(4)->buf)[m] = count;
+    }
+    return done(&given);
+}
+
+#define ENTRY(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, "As reference." #name "."}
+static PyMethodDef methods[] = {
+    ENTRY(moved),     ENTRY(draw_now),  ENTRY(draw_past), ENTRY(draw_passes), ENTRY(draw_looks),   ENTRY(bilinear), ENTRY(nearest),
+    ENTRY(note_view), ENTRY(add_look),  ENTRY(add_clamped), ENTRY(elfes),     ENTRY(look),         ENTRY(add_measured), ENTRY(usual),
+    ENTRY(signals),   ENTRY(quantities), ENTRY(fold), ENTRY(odds), ENTRY(beside), ENTRY(agreeing),
+    {NULL, NULL, 0, NULL},
+};
+static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "compiled", "The hot loops, compiled.", 0, methods, NULL, NULL, NULL, NULL};
+PyMODINIT_FUNC PyInit_compiled(void) { return PyModuleDef_Init(&module); }

@@ -1,0 +1,316 @@
+"""The hot loops in numpy: what compiled.c does is what these do, bit for bit, and the tests hold it to that.
+
+All of them write into arrays of the caller's. Points are (N, 2), x and y in m; a patch is a square of cells around base, row i along y and
+column j along x (`evidence.raster.GridSpec`): `half` is the metres from its middle to an edge, `cell` a cell's side. Only sums, products,
+quotients, roots and comparisons are made here, whose bits are the same on every processor; sines and the like come in as arguments.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echogrid.core.kernels.answers import fold as fold
+from echogrid.core.kernels.answers import odds as odds
+from echogrid.core.kernels.cells import (
+    Bits,
+    Bytes,
+    Floats,
+    Integers,
+    Mask,
+    Places,
+    Singles,
+    by_tile,
+    byte_of_rcs,
+    count,
+    largest,
+    patch_cells,
+    places,
+    spread,
+    window_cells,
+)
+from echogrid.core.kernels.frames import quantities as quantities
+from echogrid.core.kernels.frames import signals as signals
+
+
+def moved(points: Floats, x: float, y: float, cos: float, sin: float, out: Floats) -> None:
+    """Points (N, 2) turned by the angle with that cosine and sine, then shifted by (x, y)."""
+    there = cos * points[:, 0] - sin * points[:, 1] + x
+    out[:, 1] = sin * points[:, 0] + cos * points[:, 1] + y
+    out[:, 0] = there
+
+
+def draw_now(points: Floats, rcs: Floats, deviation: Floats, half: float, cell: float, table: Bytes, out: Bytes) -> None:
+    """(3, H, W): how many of the points a cell has as `table` (256,) has it, the strongest (dBsm, NaN unknown), the least deviation."""
+    cells = patch_cells(points, half, cell, out.shape[1])
+    out[0] = count(cells, table, out[0].shape)
+    out[1] = largest(cells, byte_of_rcs(rcs), out[1].shape)
+    out[2] = largest(cells, np.clip(255 - 60 * deviation, 1, 255).astype(np.uint8), out[2].shape)
+
+
+def draw_past(
+    points: Floats,
+    age: Floats,
+    update: Integers,
+    rcs: Floats,
+    half: float,
+    cell: float,
+    close: float,
+    middle: float,
+    fading: float,
+    table: Bytes,
+    out: Bytes,
+) -> None:
+    """(6, H, W): how many points up to `close` m and `middle` m old (age (N,)), how many in all, and updates (N,), in rising order, with
+    one; 255 less `fading` for each metre of the newest one's age; the strongest."""
+    cells, shape = patch_cells(points, half, cell, out.shape[1]), out[0].shape
+    out[0] = count(cells[age <= close], table, shape)
+    out[1] = count(cells[age <= middle], table, shape)
+    out[2] = count(cells, table, shape)
+    inside, size = cells >= 0, out[0].size
+    out[3] = count(np.unique(update[inside] * size + cells[inside]) % size, table, shape)
+    out[4] = largest(cells, np.clip(255 - age * fading, 1, 255).astype(np.uint8), shape)
+    out[5] = largest(cells, byte_of_rcs(rcs), shape)
+
+
+def draw_passes(
+    origins: Singles, way: Singles, distance: Singles, half: float, step: float, margin: float, along: int, table: Bytes, out: Bytes
+) -> None:
+    """(H, W): how many rays pass each block of `along` cells (`step` m), all of its cells alike. Rays from origins (N, 2) over way (N, 2),
+    `distance` (N,) m long, asked every `step` m up to `margin` m before their end."""
+    blocks = len(out) // along
+    reached = np.arange(0.5, distance.max(initial=0.0) / step, dtype=np.float32) * np.float32(step)  # (K,) m
+    steps = np.searchsorted(reached, distance - margin)  # (N,) points of each ray
+    which = np.arange(steps.sum()) - np.repeat(np.cumsum(steps) - steps, steps)  # (M,) of its ray's points, for all points
+    share = reached[which] / np.repeat(np.maximum(distance, np.float32(1e-3)), steps)
+    points = np.repeat(origins, steps, axis=0) + share[:, None] * np.repeat(way, steps, axis=0)
+    spread(count(patch_cells(points, half, step, blocks), table, (blocks, blocks)), along, out)
+
+
+def draw_looks(scans: Singles, middle: Singles, table: Bytes, out: Bytes) -> None:
+    """(H, W): how many scans (S, 6) had each block in view by its centre, all of its cells alike. A scan: x, y, cosine and sine of its yaw,
+    range, cosine of half its field of view. `middle` (blocks,): m, of a column's or a row's centre."""
+    blocks, together = len(middle), 16  # at once: what is worked on stays in the processor's cache
+    counts = np.zeros((blocks, blocks), dtype=np.int64)
+    for start in range(0, len(scans), together):
+        x, y, cos, sin, reach, least = scans[start : start + together].T[..., None]
+        dx, dy = middle - x, middle - y
+        distance = np.sqrt((dx * dx)[:, None, :] + (dy * dy)[:, :, None])
+        seen = distance <= reach[..., None]
+        seen &= (dx * cos)[:, None, :] + (dy * sin)[:, :, None] >= distance * least[..., None]
+        counts += seen.sum(axis=0)
+    spread(table[np.minimum(counts, 255)], len(out) // blocks, out)
+
+
+def bilinear(planes: Singles, dx: Singles, dy: Singles, cos: float, sin: float, shift: float, out: Singles) -> None:
+    """Planes (P, H, W) of a patch on map cells (P, height, width), which lie dx (width,) and dy (height,) cells from the car that is turned
+    by that cosine and sine; 0 outside. `shift`: cells from the middle to the patch with a border of one zero cell."""
+    flat, fu, fv, outside, across = places(planes.shape[1], dx, dy, cos, sin, shift)
+    for plane, values in zip(out, np.pad(planes, ((0, 0), (1, 1), (1, 1))).reshape(len(planes), -1), strict=True):
+        below = values[flat] * (1 - fu) + values[flat + 1] * fu
+        above = values[flat + across] * (1 - fu) + values[flat + across + 1] * fu
+        plane[:] = np.where(outside, np.float32(0), below * (1 - fv) + above * fv)
+
+
+def nearest(bits: Bits, dx: Singles, dy: Singles, cos: float, sin: float, shift: float, out: Bits) -> None:
+    """Bits (H, W) of a patch on map cells as in `bilinear`: those of the cell whose centre is nearest."""
+    flat, fu, fv, outside, across = places(len(bits), dx, dy, cos, sin, shift)
+    out[:] = np.pad(bits, 1).reshape(-1)[flat + (fu >= 0.5) + np.where(fv >= 0.5, across, 0)]
+    out[outside] = 0
+
+
+def note_view(bits: Bits, now_s: int, radars: Bits, seen_s: NDArray[np.uint32]) -> None:
+    """Adds bits (H, W) to a tile's radars; cells with any were seen now."""
+    radars |= bits
+    seen_s[bits != 0] = now_s
+
+
+def add_look(more: Singles, most: float, total: Singles) -> None:
+    """Adds (2, H, W) sums and their weights to a tile's, and shrinks both where the weight exceeds `most`."""
+    total += more
+    total *= np.minimum(1.0, most / np.maximum(total[1], 1.0))
+
+
+def add_clamped(added: Singles, clamp: float, least: float, layer: Singles) -> None:
+    """Adds (H, W) to a layer within +-clamp; where they cancel it keeps `least`, since 0 is for what was never seen."""
+    total = np.clip(layer + added, -clamp, clamp)
+    layer[:] = np.where((added != 0) & (total == 0), np.float32(least), total)
+
+
+def elfes(
+    origins: Floats,
+    distances: Floats,
+    rays: Floats,
+    weights: Floats,
+    half: float,
+    cell: float,
+    free: float,
+    occupied: float,
+    margin: float,
+    out: Singles,
+) -> None:
+    """(H, W) log-odds: sum of what detections say that are `distances` (D,) m from origins (D, 2) along rays (D, R, 2), which share each
+    by weights (R,): `free` for cells that a ray passes up to `margin` m before its end, `occupied` where it ends."""
+    side, size, step = len(out), out.size, cell / 2
+    steps = np.maximum(np.ceil((distances - margin - step) / step), 0).astype(np.int64)  # (D,) on each ray
+    along = step + np.arange(steps.max(initial=0)) * step  # (K,) m
+    passed = patch_cells(origins[:, None, None] + along[:, None] * rays[:, :, None], half, cell, side)  # (D, R, K)
+    passed[np.broadcast_to((np.arange(len(along)) >= steps[:, None])[:, None], passed.shape)] = -1
+    first = passed >= 0
+    first[..., 1:] &= passed[..., 1:] != passed[..., :-1]  # a ray passes a cell once
+    ends = patch_cells(origins[:, None] + distances[:, None, None] * rays, half, cell, side)  # (D, R)
+    by, ray, _ = np.nonzero(first)
+    ended_by, end = np.nonzero(ends >= 0)
+    keys = np.concatenate((by * size + passed[first], ended_by * size + ends[ends >= 0]))
+    touched, place = np.unique(keys, return_inverse=True)
+    said = np.bincount(place, weights=np.concatenate((free * weights[ray], occupied * weights[end]))).astype(np.float32)
+    out[:] = np.bincount(touched % size, weights=said, minlength=size).reshape(out.shape)
+
+
+def look(
+    row: int,
+    column: int,
+    size: int,
+    cell: float,
+    ends: Floats,
+    shares: Floats,
+    points: Floats,
+    origins: Floats,
+    direction: Floats,
+    distance: Floats,
+    radars: Bits,
+    margin: float,
+    offsets: Integers,
+    weights: Floats,
+    hit: Singles,
+    own: Bytes,
+    passed: Bytes,
+    scratch: Places,
+    begins: Integers,
+    inside: Places,
+    hits: Singles,
+    near: Singles,
+    passes: Singles,
+    who: Bits,
+) -> None:
+    """What beams add to a look in a window of size x size map cells from (row, column) on.
+
+    Beams: points (N, 2) seen from origins (N, 2) over `distance` (N,) m along direction (N, 2), by `radars` (N,) bits; they may end in
+    ends (N * R, 2) with shares (R,). A cell around a point's, `offsets` (K,) flat cells from it, is near it by weights (K,).
+
+    The look so far, flat cells, changed: `hit` the largest share, `own` 1 where a point was, `passed` 1 where a beam passed.
+
+    Out, tile by tile: `begins` (T + 1,) where each tile's cells begin in the rest, rows of tiles first. Of cells that a beam touched:
+    `inside` the flat cell in its tile, what is to be added to hits, near and passes, and `who` touched it. Their order within a tile is
+    free; arrays are as long as the window has cells. `scratch`, as long, holds zeros before and after.
+    """
+    flat = window_cells(ends, row, column, size, cell)
+    in_window = flat >= 0
+    found, place = np.unique(flat[in_window], return_inverse=True)
+    share = np.zeros(size * size, np.float32)
+    share[found] = np.minimum(np.bincount(place, weights=np.tile(shares, len(points))[in_window]), 1.0)
+    more = np.maximum(share - hit, 0)
+    hit += more
+    mine = np.unique(window_cells(points, row, column, size, cell))
+    mine = mine[mine >= 0]
+    mine = mine[own[mine] == 0]
+    own[mine] = 1
+    around = mine[:, None] + offsets
+    fits = (around >= 0) & (around < size * size)
+    beside = np.bincount(around[fits], weights=np.broadcast_to(weights, around.shape)[fits], minlength=size * size)
+    steps = np.arange(cell / 2, distance.max(initial=0.0), cell / 2)
+    beam, step = np.nonzero(steps[None, :] < (distance - margin)[:, None])
+    through = window_cells(origins[beam] + steps[step, None] * direction[beam], row, column, size, cell)
+    beam, through = beam[through >= 0], through[through >= 0]
+    fresh = np.zeros(size * size, np.uint8)
+    fresh[through] = 1
+    fresh &= passed == 0
+    passed |= fresh
+    by = np.zeros(size * size, np.uint16)
+    for cells, bits in ((flat[in_window], np.repeat(radars, len(shares))[in_window]), (through, radars[beam])):
+        for bit in np.unique(bits):
+            by[cells[bits == bit]] |= bit
+    touched = np.flatnonzero((by != 0) | (beside > 0) | (share > 0) | (fresh > 0))
+    order, inside[: len(touched)] = by_tile(touched, row, column, size, begins)
+    touched = touched[order]
+    for out, values in ((hits, more), (near, beside), (passes, fresh), (who, by)):
+        out[: len(touched)] = values[touched]
+
+
+def add_measured(
+    cells: Places,
+    hits: Singles,
+    near: Singles,
+    passes: Singles,
+    arrived: Mask,
+    left: Mask,
+    who: Bits,
+    now_s: int,
+    gone: float,
+    most: float,
+    layers: Singles,
+    radars: Bits,
+    seen_s: NDArray[np.uint32],
+) -> None:
+    """Adds looks (K,) to the hits, near and passes of a tile's different flat cells (K,): layers (3, SIDE, SIDE).
+
+    Passes before do not hold where something `arrived`; where it `left` hits do not, and `gone` looks have passed there. What exceeds
+    `most` looks fades. Radars `who` are noted in `radars` and `seen_s`.
+    """
+    noted, bits = cells[who != 0], who[who != 0]
+    radars.reshape(-1)[noted] |= bits
+    seen_s.reshape(-1)[noted] = now_s
+    flat = layers.reshape(3, -1)
+    hit, beside, passed = flat[:, cells]
+    passed[arrived] = 0
+    hit[left] = beside[left] = 0
+    passed[left] = np.maximum(passed[left], np.float32(gone))
+    found = np.stack((hit + hits, beside + near, passed + passes))
+    found *= np.minimum(1.0, most / np.maximum(found[0] + found[2], 1.0))
+    flat[:, cells] = found
+
+
+def usual(
+    hit: Integers,
+    here: Integers,
+    beside: Integers,
+    quick: float,
+    slow: float,
+    arrives: float,
+    before: float,
+    stayed: float,
+    leaves: float,
+    settled: bool,
+    recent: Singles,
+    known: Singles,
+    arrived: Mask,
+    left: Mask,
+) -> None:
+    """Moves means (2, cells) of how often a reflection was `here` and `beside` each cell, offsets (K,) from flat cells `hit` (N,): `recent`
+    by `quick`, `known` by `slow`. Then, if it is `settled` what is usual, masks (cells,) of where something has arrived, and has left."""
+    near = np.zeros(recent.shape, np.bool_)
+    for seen, offsets in zip(near, (here, beside), strict=True):
+        around = (hit[:, None] + offsets).reshape(-1)
+        seen[around[(around >= 0) & (around < len(seen))]] = True
+    recent += (near - recent) * np.float32(quick)
+    known += (near - known) * np.float32(slow)
+    arrived[:] = left[:] = False
+    if settled:
+        left[:] = (known[0] > stayed) & (recent[1] < leaves)
+        known[:, left] = 0.0
+        arrived[:] = near[0] & (recent[0] > arrives) & (known[1] < before * recent[0])
+
+
+def beside(points: Floats, moving: Mask, radius: float, out: Mask) -> None:
+    """(N,) which of the points have at least two `moving` ones less than `radius` m away."""
+    away = points[:, None, :] - points[moving][None, :, :]
+    out[:] = ((away * away).sum(axis=2) < radius * radius).sum(axis=1) >= 2
+
+
+def agreeing(slope: Floats, rate: Floats, interval: Floats, motions: Floats, tolerance: float, out: Integers) -> None:
+    """(M,) how many detections (N,) each motion (M, 2) explains: what speed and yaw rate by their slopes (N, 2) leave of the range rates,
+    modulo the ambiguity interval where that is not 0, is less than `tolerance` m/s."""
+    residual = rate - (motions[:, :1] * slope[:, 0] + motions[:, 1:] * slope[:, 1])  # (M, N)
+    known = np.where(interval > 0, interval, 1.0)
+    folded = np.where(interval > 0, residual - known * np.rint(residual / known), residual)
+    out[:] = (np.abs(folded) < tolerance).sum(axis=1)

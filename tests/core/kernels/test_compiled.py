@@ -1,0 +1,267 @@
+"""The compiled loops against their numpy reference: the same bits, whatever comes in."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from echogrid.core.kernels import reference
+from echogrid.core.kernels.answers import exponential
+from echogrid.core.kernels.cells import SIDE
+
+compiled: Any = pytest.importorskip("echogrid.core.kernels.compiled", reason="no C compiler was at hand when echogrid was installed")
+TABLE = np.random.default_rng(0).integers(0, 256, 256).astype(np.uint8)
+Random = np.random.Generator
+
+
+def points(random: Random, size: int, reach: float, cell: float) -> np.ndarray:
+    """(size, 2), within and a little beyond +-reach, many of them on the borders of cells, some repeated."""
+    found = random.uniform(-1.2 * reach, 1.2 * reach, (size, 2))
+    on_border = random.random((size, 2)) < 0.3
+    found[on_border] = np.round(found[on_border] / cell) * cell
+    return found[random.integers(0, max(size, 1), size)] if random.random() < 0.3 else found
+
+
+def single(random: Random, *shape: int) -> np.ndarray:
+    """Log-odds and the like, with zeros and values that cancel."""
+    return (random.normal(0, 3, shape) * (random.random(shape) < 0.8)).round(random.integers(0, 7)).astype(np.float32)
+
+
+def rcs(random: Random, size: int) -> np.ndarray:
+    return np.where(random.random(size) < 0.3, np.nan, random.uniform(-45, 45, size).round(random.integers(0, 4)))
+
+
+def moved(random: Random, size: int) -> list[Any]:
+    angle = random.uniform(-7, 7)
+    return [points(random, size, 50, 0.25), *random.uniform(-99, 99, 2), np.cos(angle), np.sin(angle), np.empty((size, 2))]
+
+
+def draw_now(random: Random, size: int) -> list[Any]:
+    deviation = np.abs(random.normal(0, 2, size))
+    return [points(random, size, 4, 0.5), rcs(random, size), deviation, 4.0, 0.5, TABLE, np.ones((3, 16, 16), np.uint8)]
+
+
+def draw_past(random: Random, size: int) -> list[Any]:
+    update = np.sort(random.integers(-3, 9, size))
+    age = (15 - update * 1.5).round(1)
+    out = np.ones((6, 16, 16), np.uint8)
+    return [points(random, size, 4, 0.5), age, update, rcs(random, size), 4.0, 0.5, 1.5, 5.0, 254 / 15, TABLE, out]
+
+
+def draw_passes(random: Random, size: int) -> list[Any]:
+    origins, ends = (points(random, size, 4, 0.5).astype(np.float32) for _ in range(2))
+    way = ends - origins
+    return [origins, way, np.hypot(*way.T), 4.0, 1.0, random.choice([0.5, 1.0]), 2, TABLE, np.ones((16, 16), np.uint8)]
+
+
+def draw_looks(random: Random, size: int) -> list[Any]:
+    yaw, half_fov = random.uniform(-7, 7, size), random.uniform(0.2, 3, size)
+    x, y = points(random, size, 4, 1.0).T
+    scans = np.stack((x, y, np.cos(yaw), np.sin(yaw), random.uniform(0, 9, size), np.cos(half_fov)), axis=1).astype(np.float32)
+    return [scans, (np.arange(4, dtype=np.float32) - 1.5) * 2, TABLE, np.ones((16, 16), np.uint8)]
+
+
+def footprint(random: Random) -> list[Any]:
+    """dx, dy, cosine, sine and shift of a patch of 12 x 12 cells."""
+    angle = random.choice([0.0, np.pi / 2, random.uniform(-4, 4)])
+    dx, dy = ((np.arange(20) - 10 + random.choice([0.0, 0.5, random.random()])).astype(np.float32) for _ in range(2))
+    return [dx, dy, np.cos(angle), np.sin(angle), 6.5]
+
+
+def bilinear(random: Random, size: int) -> list[Any]:
+    return [single(random, size % 3 + 1, 12, 12), *footprint(random), np.ones((size % 3 + 1, 20, 20), np.float32)]
+
+
+def nearest(random: Random, _: int) -> list[Any]:
+    return [random.integers(0, 1 << 16, (12, 12)).astype(np.uint16), *footprint(random), np.ones((20, 20), np.uint16)]
+
+
+def note_view(random: Random, size: int) -> list[Any]:
+    bits, radars = (random.integers(0, 4, (size, 7)).astype(np.uint16) for _ in range(2))
+    return [bits, int(random.integers(0, 1 << 32)), radars, random.integers(0, 1 << 32, (size, 7)).astype(np.uint32)]
+
+
+def add_look(random: Random, size: int) -> list[Any]:
+    return [np.abs(single(random, 2, size, 5)), 20.0, np.abs(single(random, 2, size, 5)) * 7]
+
+
+def add_clamped(random: Random, size: int) -> list[Any]:
+    layer = single(random, size, 5)
+    return [np.float32(random.choice([-1, 1])) * layer[::-1].copy() if size % 2 else -layer, 3.5, 1e-38, layer]
+
+
+def elfes(random: Random, size: int) -> list[Any]:
+    origins, ends = points(random, size, 2, 0.25), points(random, size, 2, 0.25)
+    angles = np.arctan2(*(ends - origins).T[::-1])[:, None] + np.linspace(-0.1, 0.1, 5)
+    rays, shares = np.stack((np.cos(angles), np.sin(angles)), axis=-1), random.dirichlet(np.ones(5))
+    distance = np.hypot(*(ends - origins).T)
+    return [origins, distance, rays, shares, 2.0, 0.25, -0.12, 1.7, random.choice([0.0, 0.5]), np.ones((16, 16), np.float32)]
+
+
+def look(random: Random, size: int) -> list[Any]:
+    row, column, side, rays = int(random.integers(-200, 200)), int(random.integers(-200, 200)), 60, 5
+    middle = np.array((column + side / 2, row + side / 2)) * 0.25
+    origins, ends = points(random, size, 2, 0.25) + middle, points(random, size, 8, 0.25) + middle
+    away = ends - origins
+    distance = np.hypot(*away.T)
+    state = [np.zeros(side**2, np.float32), np.zeros(side**2, np.uint8), np.zeros(side**2, np.uint8)]
+    begun = random.random(side**2) < 0.3
+    state[0][begun], state[1][begun], state[2][~begun] = 0.3, 1, 1
+    tiles = np.prod([(first + side - 1) // SIDE - first // SIDE + 1 for first in (row, column)])
+    dtypes = (np.int32, np.float32, np.float32, np.float32, np.uint16)
+    return [
+        *(
+            row,
+            column,
+            side,
+            0.25,
+            (ends[:, None] + random.normal(0, 0.3, (size, rays, 2))).reshape(-1, 2),
+            random.dirichlet(np.ones(rays)),
+        ),
+        *(ends, origins, away / np.maximum(distance, 1e-9)[:, None], distance, (1 << random.integers(0, 4, size)).astype(np.uint16)),
+        *(0.5, np.array([-side, -1, 0, 1, side]), np.array([1.0, 1.7, 2.7, 1.7, 1.0]), *state, np.zeros(side**2, np.int32)),
+        *(np.empty(tiles + 1, np.int64), *(np.zeros(side**2, dtype) for dtype in dtypes)),
+    ]
+
+
+def add_measured(random: Random, size: int) -> list[Any]:
+    cells = random.permutation(SIDE * SIDE)[:size].astype(np.int32)
+    flags = random.random((2, size)) < 0.2
+    who = random.integers(0, 4, size).astype(np.uint16)
+    more, layers = np.abs(single(random, 3, size)), np.abs(single(random, 5, SIDE, SIDE)) * 9
+    radars, seen = random.integers(0, 4, (SIDE, SIDE)).astype(np.uint16), np.zeros((SIDE, SIDE), np.uint32)
+    return [cells, *more, *flags, who, 1_700_000_000, 10.0, 60.0, layers[2:], radars, seen]
+
+
+def usual(random: Random, size: int) -> list[Any]:
+    here, beside = np.array([-1, 0, 1]), np.arange(-20, 21)
+    means = np.abs(single(random, 2, 2, 400)) / 9
+    hit = np.unique(random.integers(0, 400, size))
+    return [
+        *(hit, here, beside, 0.07, random.random(), 0.2, 0.25, 0.2, 0.02, bool(random.random() < 0.8), *means),
+        *np.ones((2, 400), np.bool_),
+    ]
+
+
+def fold(random: Random, size: int) -> list[Any]:
+    height, width = size % 7 + 1, size % 5 + 1
+    return [random.integers(0, 256, (3, 2 * height, 2 * width)).astype(np.uint8), np.zeros((12, height, width), np.uint8)]
+
+
+def odds(random: Random, size: int) -> list[Any]:
+    return [single(random, 12, size, 6) * np.float32(random.choice([0.1, 1.0, 40.0])), np.ones((2, 2 * size, 12), np.float32)]
+
+
+def beside(random: Random, size: int) -> list[Any]:
+    return [points(random, size, 9, 1.0), random.random(size) < 0.3, 2.0, np.ones(size, np.bool_)]
+
+
+def agreeing(random: Random, size: int) -> list[Any]:
+    interval = random.choice([0.0, 16.0], size)
+    slope, rate, motions = random.normal(size=(size, 2)), random.normal(0, 9, size).round(1), random.normal(0, 9, (12, 2)).round(1)
+    return [slope, rate, interval, motions, 0.4, np.ones(12, np.int64)]
+
+
+def signals(random: Random, size: int) -> list[Any]:
+    """Payloads of 12 bytes; signals of up to 64 bits that lie in them, upwards and downwards, some over nine bytes."""
+    places = []
+    for _ in range(6):
+        length, shift = int(random.integers(1, 65)), int(random.integers(0, 8))
+        behind = (shift + length - 1) // 8  # bytes
+        step = int(random.choice([-1, 1]))
+        first = int(random.integers(0, 12 - behind)) + (behind if step < 0 else 0)
+        places.append((first, step, shift, length, random.random() < 0.5))
+    payloads = random.integers(0, 256, (size, 12)).astype(np.uint8)
+    return [
+        payloads,
+        np.array(places, np.int64),
+        random.normal(0, 9, (6, 2)),
+        *(np.zeros((size, 6), t) for t in (np.uint64, np.int64, float, np.bool_)),
+    ]
+
+
+def quantities(random: Random, size: int) -> list[Any]:
+    """Two of each of three signals in a frame; four flags."""
+    physical = random.choice([0.0, -1.5, np.nan, np.inf, 2e9, 3.25], (size, 6))
+    raw, there = random.integers(0, 4, (size, 6)), random.random((size, 6)) < 0.8
+    flags = np.array([(0, 1, 0, 2), (1, 0, 1, 3), (2, 1, 2, 2), (2, 0, 0, 1)])
+    plan = random.integers([0, -1, -1], [3, 4, 4], (4, 3))
+    everywhere = int(random.integers(-1, 4))
+    return [physical, raw, there, 2, plan, random.normal(size=(4, 2)), flags, np.array([1, 2, 3]), everywhere, 1e9, np.ones((4, 2 * size))]
+
+
+CASES: dict[str, Callable[[Random, int], list[Any]]] = {
+    case.__name__: case
+    for case in (
+        *(moved, draw_now, draw_past, draw_passes, draw_looks, bilinear, nearest, note_view, add_look, add_clamped, elfes, look),
+        *(add_measured, usual, fold, odds, beside, agreeing, signals, quantities),
+    )
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+@given(seed=st.integers(0, 1 << 32), size=st.integers(0, 80))
+def test_the_same_bits_as_numpy(name: str, seed: int, size: int) -> None:
+    found, expected = (CASES[name](np.random.default_rng(seed), size) for _ in range(2))
+    getattr(compiled, name)(*found)
+    getattr(reference, name)(*expected)
+    if name == "look":
+        found, expected = ordered(found), ordered(expected)
+    for one, other in zip(found, expected, strict=True):
+        if isinstance(one, np.ndarray):
+            assert one.dtype == other.dtype
+            np.testing.assert_array_equal(one, other)
+
+
+def ordered(arguments: list[Any]) -> list[Any]:
+    """Of a look: cells by their place within each tile, and nothing behind the last."""
+    *given_, begins, inside, hits, near, passes, who = arguments
+    cells = slice(begins[-1])
+    tile = np.repeat(np.arange(len(begins) - 1), np.diff(begins))
+    order = np.lexsort((inside[cells], tile))
+    return [*given_, begins, *(values[cells][order] for values in (inside, hits, near, passes, who))]
+
+
+def test_the_exponential_is_one() -> None:
+    x = np.linspace(-60, 60, 100_001).astype(np.float32)
+    np.testing.assert_allclose(exponential(x), np.exp(x.astype(float)), rtol=3e-7)
+
+
+def test_every_loop_is_compared() -> None:
+    assert set(CASES) == {name for name in dir(compiled) if not name.startswith("_")}
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "wrong"),
+    [
+        ("moved", 0, np.zeros((5, 2), np.float32)),
+        ("moved", 0, np.zeros((5, 4))[:, ::2]),
+        ("moved", 5, np.zeros((4, 2))),
+        ("draw_now", 6, np.zeros((3, 16, 8), np.uint8)),
+        ("add_measured", 0, np.full(5, SIDE * SIDE, np.int32)),
+        ("look", 13, np.zeros(7, np.float32)),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(name: str, place: int, wrong: np.ndarray) -> None:
+    arguments = CASES[name](np.random.default_rng(0), 5)
+    arguments[place] = wrong
+    with pytest.raises((TypeError, ValueError)):
+        getattr(compiled, name)(*arguments)
+    with pytest.raises(TypeError):
+        getattr(compiled, name)(*arguments[:-1])
+
+
+@pytest.mark.parametrize("wanted", ["", "numpy"])
+def test_one_place_decides_which_runs(wanted: str) -> None:
+    code = "from echogrid.core.kernels.dispatch import COMPILED, WHY, loops; print(COMPILED, loops.__name__.split('.')[-1], WHY)"
+    environment = {**os.environ, "ECHOGRID_KERNELS": wanted}
+    said = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True).stdout
+    assert said.startswith("False reference numpy" if wanted else "True compiled compiled")
