@@ -18,6 +18,7 @@ from echogrid_training.drives.drive import check_free, write_drive
 from echogrid_training.drives.frames import Report
 from echogrid_training.evaluation import motion, real, sim
 from echogrid_training.learning import fit
+from echogrid_training.own import evaluate as own
 from echogrid_training.paper import reproduce
 from echogrid_training.realism import report
 from echogrid_training.recording import Recording, Track, untracked
@@ -100,6 +101,9 @@ def _parser() -> argparse.ArgumentParser:
     reckoned = worlds.add_parser("motion", help="dead reckoning beside true poses, with and without what is learned")
     motion.add_motion_arguments(reckoned)
     reckoned.set_defaults(command=_evaluate_motion)
+    yours = worlds.add_parser("own", help="on your own drives, without any truth: half of the scans judge the map of the others")
+    own.add_arguments(yours)
+    yours.set_defaults(command=_evaluate_own)
 
     compare = commands.add_parser("report", help="simulated drives beside recorded ones, as a table in Markdown")
     for name, what in (("nuscenes", "folder of scene-*.npz"), ("radarscenes", "seq_N.npz"), ("astyx", ".npz"), ("kitti", ".npz")):
@@ -179,6 +183,10 @@ def _evaluate_real(options: argparse.Namespace) -> None:
 
 def _evaluate_motion(options: argparse.Namespace) -> None:
     print(motion.run_motion(options, _tracked()))
+
+
+def _evaluate_own(options: argparse.Namespace) -> None:
+    print(own.run(options, _tracked()))
 
 
 def _report(options: argparse.Namespace) -> None:

@@ -67,9 +67,9 @@ class RealDrive:
         return mapper.map
 
 
-def hear(folder: Path) -> RealDrive:
-    """A drive folder, decoded once. Raises EchogridError."""
-    drive = find_drive(folder, None)
+def hear(source: Path, configuration: Path | None = None) -> RealDrive:
+    """A drive folder, or a log with its configuration, decoded once. Raises EchogridError."""
+    drive = find_drive(source, configuration)
     config = load_config(drive.config, "analytic")
     signals = Pipeline(config, drive.config).signals
     items: list[tuple[int, RadarScan | EgoMotion]] = []
