@@ -18,6 +18,7 @@ from echogrid_training.drives.drive import check_free, write_drive
 from echogrid_training.drives.frames import Report
 from echogrid_training.evaluation import motion, real, sim
 from echogrid_training.learning import fit
+from echogrid_training.own import adapt
 from echogrid_training.own import evaluate as own
 from echogrid_training.paper import reproduce
 from echogrid_training.realism import report
@@ -105,6 +106,10 @@ def _parser() -> argparse.ArgumentParser:
     own.add_arguments(yours)
     yours.set_defaults(command=_evaluate_own)
 
+    closer = commands.add_parser("adapt", help="a model for your car, out of your drives without any truth")
+    adapt.add_arguments(closer)
+    closer.set_defaults(command=_adapt)
+
     compare = commands.add_parser("report", help="simulated drives beside recorded ones, as a table in Markdown")
     for name, what in (("nuscenes", "folder of scene-*.npz"), ("radarscenes", "seq_N.npz"), ("astyx", ".npz"), ("kitti", ".npz")):
         compare.add_argument(f"--{name}", type=Path, required=True, help=what)
@@ -187,6 +192,10 @@ def _evaluate_motion(options: argparse.Namespace) -> None:
 
 def _evaluate_own(options: argparse.Namespace) -> None:
     print(own.run(options, _tracked()))
+
+
+def _adapt(options: argparse.Namespace) -> None:
+    print(adapt.run(options, _tracked()))
 
 
 def _report(options: argparse.Namespace) -> None:

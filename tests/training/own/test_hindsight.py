@@ -10,7 +10,7 @@ from echogrid.core.motion.odometry import EgoState
 from echogrid.core.motion.se2 import SE2
 from echogrid_training.evaluation.recorded.drive import Reflections
 from echogrid_training.evaluation.recorded.scores import Rectangle
-from echogrid_training.own.hindsight import AGREE, CLEAR, PASSED, SHORT, judge, nearest_stretch
+from echogrid_training.own.hindsight import AGREE, CLEAR, PASSED, SHORT, judge
 
 CELL = 0.25
 WHERE = Rectangle(-40, -40, 80, 80, CELL)
@@ -27,7 +27,7 @@ def at(label: np.ndarray, x: float, y: float) -> int:
 
 
 def test_several_looks_make_it_occupied_one_does_not() -> None:
-    label = judge([look(0, 0, (5.1, 0.1)), look(0, 1, (5.1, 0.1)), look(0, 0, (0.1, 5.1))], FAR, WHERE)
+    label = judge([look(0, 0, (5.1, 0.1)), look(0, 1, (5.1, 0.1)), look(0, 0, (0.1, 5.1))], FAR, WHERE).label
     assert at(label, 5.1, 0.1) == 1
     assert at(label, 0.1, 5.1) == 0
 
@@ -49,7 +49,7 @@ def test_random_looks_as_counted_cell_by_cell() -> None:
             ended[cell] += 1
         for cell in through:
             passed[cell] += 1
-    label = judge(looks, FAR, WHERE)
+    label = judge(looks, FAR, WHERE).label
     for row in range(3, 77):
         for column in range(3, 77):
             around = ended[row - 1 : row + 2, column - 1 : column + 2].sum()
@@ -62,14 +62,7 @@ def test_random_looks_as_counted_cell_by_cell() -> None:
 
 def test_where_the_car_drove_is_free() -> None:
     driven = [EgoState(0, SE2(x, 0.0, 0.0), 5.0, 0.0) for x in np.arange(-3.0, 3.0, 0.2)]
-    label = judge([], driven, WHERE)
+    label = judge([], driven, WHERE).label
     assert at(label, 0.0, 0.0) == -1
     assert at(label, 0.0, 3.0) == 0
     assert (label <= 0).all()
-
-
-def test_a_place_belongs_to_the_stretch_it_was_passed_on() -> None:
-    driven = [EgoState(0, SE2(float(x), 0.0, 0.0), 5.0, 0.0) for x in range(100)]
-    number, other = nearest_stretch(np.array([(10.0, 5.0), (48.0, 3.0), (90.0, 0.0)]), driven, [x // 50 for x in range(100)])
-    assert number.tolist() == [0, 0, 1]
-    np.testing.assert_allclose(other, [math.hypot(40, 5), math.hypot(2, 3), 41.0])

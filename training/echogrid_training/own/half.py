@@ -6,16 +6,17 @@ The map is asked as it stood when the scan came, so nothing that came later help
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from echogrid.config.tables import Config
 from echogrid.core.map.look_map import STEP, TURN
 from echogrid.core.map.tiled_map import TiledMap
-from echogrid.core.mapper import Mapper
+from echogrid.core.mapper import Mapper, MapUpdate
 from echogrid.core.messages import Floats, RadarScan
 from echogrid.core.motion.odometry import EgoState
 from echogrid.core.motion.se2 import SE2
@@ -28,6 +29,7 @@ STRETCH = 50.0  # m of way: what is drawn for intervals, and what adaptation lea
 BEFORE = 1.0  # m before a detection at which its ray no longer counts as passed: a place is uncertain by that much at times
 EVERY = 4  # cells along a ray from one that is asked to the next
 AROUND = FARTHEST + 5.0  # m around the car that are read
+ROOM = {"max_tiles": 1 << 20, "max_mib": 1 << 13}  # of the map: a drive is judged whole
 
 Key = tuple[str, int]  # sensor and stamp of a scan
 
@@ -85,12 +87,33 @@ class Half:
     maps: int = 1
 
 
+Seen = Callable[[MapUpdate, int], None]  # an update, and the number of the stretch it belongs to
+
+
 def halve(drive: RealDrive, config: Config, left_out: Collection[Key]) -> Half:
     """Maps the drive without some scans, given by sensor and stamp, and asks the map about them."""
-    pipeline = Pipeline(config, drive.config)
-    mapper = pipeline.mapper
+    pipeline = roomy(drive, config)
+    return driven_through(drive, pipeline.mapper, pipeline.model.why, left_out, ask=True)
+
+
+def roomy(drive: RealDrive, config: Config) -> Pipeline:
+    """That forgets no tile."""
+    return Pipeline(msgspec.structs.replace(config, map=msgspec.structs.replace(config.map, **ROOM)), drive.config)
+
+
+def driven_through(
+    drive: RealDrive,
+    mapper: Mapper,
+    model: str,
+    left_out: Collection[Key],
+    *,
+    ask: bool,
+    seen: Seen | None = None,
+    lost: Callable[[], None] | None = None,
+) -> Half:
+    """`seen` is called for each update, `lost` where a new map begins. Without `ask` the looks are kept and no map is asked."""
     radars = {name: number for number, name in enumerate(mapper.mounts)}
-    out, waiting, last = Half(mapper.map, pipeline.model.why), list[RadarScan](), dict[str, SE2]()
+    out, waiting, last = Half(mapper.map, model), list[RadarScan](), dict[str, SE2]()
     epoch = mapper.epoch
     for now_ns, item in drive.items:
         if not isinstance(item, RadarScan):
@@ -99,7 +122,7 @@ def halve(drive: RealDrive, config: Config, left_out: Collection[Key]) -> Half:
             waiting.append(item)
         else:
             mapper.on_scan(item)
-        mapper.update(now_ns)
+        update = mapper.update(now_ns)
         if mapper.epoch != epoch:
             epoch = mapper.epoch
             out.maps += 1
@@ -107,6 +130,8 @@ def halve(drive: RealDrive, config: Config, left_out: Collection[Key]) -> Half:
             last.clear()
             for held in (out.looks, out.left_out, out.driven, out.stretches):
                 held.clear()
+            if lost is not None:
+                lost()
         if not mapper.odometry.states:
             continue
         newest = mapper.odometry.states[-1]
@@ -120,12 +145,14 @@ def halve(drive: RealDrive, config: Config, left_out: Collection[Key]) -> Half:
             waiting.remove(scan)
             ego = mapper.odometry.at(scan.stamp_ns)
             if ego is not None:
-                _ask(out, mapper, scan, ego, radars[scan.sensor], stretch, last)
+                _ask(out, mapper, scan, ego, radars[scan.sensor], stretch, last, ask=ask)
+        if update is not None and seen is not None:
+            seen(update, stretch)
     mapper.end_cycle()
     return out
 
 
-def _ask(out: Half, mapper: Mapper, scan: RadarScan, ego: EgoState, radar: int, stretch: int, last: dict[str, SE2]) -> None:
+def _ask(out: Half, mapper: Mapper, scan: RadarScan, ego: EgoState, radar: int, stretch: int, last: dict[str, SE2], *, ask: bool) -> None:
     found = reflections(scan, ego, mapper.mounts[scan.sensor])
     out.left_out.append(found.points)
     here, before = ego.odom_from_base, last.get(scan.sensor)
@@ -133,7 +160,7 @@ def _ask(out: Half, mapper: Mapper, scan: RadarScan, ego: EgoState, radar: int, 
         return
     last[scan.sensor] = here
     out.looks.append(Look(radar, stretch, found, ego))
-    if len(found.range):
+    if ask and len(found.range):
         out.answers.append(answers(mapper.map, found, ego, radar, stretch))
 
 

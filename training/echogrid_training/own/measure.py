@@ -87,7 +87,7 @@ def measured(half: Half, whole: Half) -> Measured:
     left_out = np.concatenate([np.empty((0, 2)), *half.left_out])
     said = say(log_odds, where, swept_ground(half.driven, where), left_out)
     occupied, free = occupied_at(said, OCCUPIED), free_at(said, FREE)
-    label = judge([look.found for look in half.looks], half.driven, where)
+    label = judge([look.found for look in half.looks], half.driven, where).label
     asked = (label != 0) & (log_odds != 0)
     whole_where = Rectangle.around(whole.driven, whole.map.spec.cell)
     whole_said = whole_where.read(whole.map)[swept_ground(whole.driven, whole_where)]

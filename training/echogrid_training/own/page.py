@@ -52,7 +52,7 @@ def sentences(drives: Sequence[DriveWorth], asked: Mapping[str, Answers]) -> lis
     way, ours = sum(drive.way for drive in drives), live(asked[OURS])
     said = [
         f"Of 100 reflections that the map was not shown, {_hundred(ours.found)} lay within one cell of one that it already "
-        f"called occupied, {_hundred(ours.called_free)} in a cell that it called free, and {_hundred(ours.unknown)} where it knew nothing yet."
+        f"called occupied, {_hundred(ours.called_free)} in a cell that it called free, {_hundred(ours.unknown)} where it knew nothing."
     ]
     if ANALYTIC in asked:
         plain = live(asked[ANALYTIC])
@@ -75,7 +75,7 @@ def _opening(drives: Sequence[DriveWorth], asked: Mapping[str, Answers]) -> str:
     ours = live(asked[OURS])
     return f"""<p class="big">{ours.found.value:.0%} found, {ours.called_free.value:.1%} called free</p>{lines}
 <p class="rests">{len(drives)} drives, {way:.0f} m, {seconds:.0f} s. Model: {html.escape(drives[0].model)}. There is no truth here: half of
-the scans made the map, the other half judged it. What no radar ever detected is not in these figures, and what a radar detected wrongly, such
+the scans made the map, the other half judged it. What no radar ever detected is not in these figures; what one detected wrongly, such
 as mirror images, is. Occupied is p ≥ {OCCUPIED:g}, free p ≤ {FREE:g}, as published. Intervals in brackets: the middle 95 % of draws of
 {STRETCH:g} m stretches.</p>"""
 

@@ -1,0 +1,118 @@
+"""Adaptation: what is learned from is not scored, the fit finds what was hidden, and the file says where it comes from."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import onnx
+import pytest
+
+from echogrid.core.evidence.raster import GridSpec
+from echogrid.core.map.look_map import Calibration, LookMap
+from echogrid.core.motion.odometry import EgoState
+from echogrid.core.motion.se2 import SE2
+from echogrid.model.choice import choose
+from echogrid.model.network import KEY, OnnxSensorModel
+from echogrid_training import cli
+from echogrid_training.evaluation.recorded.scores import Rectangle
+from echogrid_training.own import half as half_module
+from echogrid_training.own import patches as patches_module
+from echogrid_training.own.calibrating import fitted, read, score
+from echogrid_training.own.half import Half
+from echogrid_training.own.hindsight import Judged
+from echogrid_training.own.patches import GUARD, Patch, keep_kind
+
+
+def made_up(rng: np.random.Generator, cells: int, hidden: Calibration) -> Patch:
+    """Cells that are occupied as often as the network says, once it is read out by `hidden`; nothing was measured."""
+
+    def layers(count: int) -> np.ndarray:
+        mean = (rng.normal(-1.0, 4.0, count) - hidden.offset) / hidden.learned
+        return np.stack((mean * 5, np.full(count, 5.0), *np.zeros((3, count)))).astype(np.float32)
+
+    own, around = layers(cells), layers(cells // 10)
+    p = 1 / (1 + np.exp(-(hidden.learned * own[0] / own[1] + hidden.offset)))
+    true = rng.uniform(size=cells) < p
+    chance = np.where(true, 0.98, 0.01).astype(np.float32)
+    occupied = 1 / (1 + np.exp(-(hidden.learned * around[0] / around[1] + hidden.offset))) > 0.5
+    return Patch(False, own, chance, np.where(true, 1, -1).astype(np.int8), np.repeat(around[:, occupied, None], 5, axis=2))
+
+
+def test_a_wrong_last_step_is_put_right() -> None:
+    hidden, wrong = Calibration(1.5, 1.0), Calibration(1.0, -2.0)
+    rng = np.random.default_rng(3)
+    part, other = made_up(rng, 20000, hidden), made_up(rng, 20000, hidden)
+    found = fitted(part, wrong)
+    assert score(other, found).cost < 0.75 * score(other, wrong).cost
+    assert score(other, found).cost < 1.02 * score(other, hidden).cost
+
+
+def test_cells_are_read_as_the_map_reads_them() -> None:
+    rng = np.random.default_rng(1)
+    layers = rng.uniform(0.0, 5.0, (5, 40, 30)).astype(np.float32) * (rng.uniform(size=(5, 40, 30)) < 0.6)
+    for calibration in (Calibration(1.0, 0.0), Calibration(0.7, -1.2)):
+        np.testing.assert_array_equal(read(layers, calibration), LookMap(GridSpec(), calibration).read(layers))
+
+
+def test_what_is_learned_from_is_not_scored() -> None:
+    """100 m straight on by stretches of 10 m: the two kinds share no cell, and none lies near the other kind's way."""
+    driven = [EgoState(0, SE2(x, 0.0, 0.0), 5.0, 0.0) for x in np.arange(0.0, 100.0, 0.5)]
+    stretches = [int(ego.odom_from_base.x // 10) for ego in driven]
+    half = Half(LookMap(GridSpec(), Calibration()), "", driven=driven, stretches=stretches)
+    where = Rectangle(-80, -40, 160, 500, 0.25)
+    kept = {}
+    for scored in (False, True):
+        judged = Judged(np.ones((160, 500), np.int8), np.full((160, 500), 0.5, np.float32))
+        keep_kind(judged, where, half, scored=scored)
+        kept[scored] = np.isfinite(judged.chance)
+        np.testing.assert_array_equal(judged.label != 0, kept[scored])
+        row, column = np.nonzero(kept[scored])
+        for y, x in zip((row[::97] - 79.5) * 0.25, (column[::97] - 39.5) * 0.25, strict=True):
+            others = [ego for ego, one in zip(driven, stretches, strict=True) if (one % 3 == 2) != scored]
+            assert min(math.hypot(ego.odom_from_base.x - x, y) for ego in others) > GUARD - 1e-6
+    assert not (kept[True] & kept[False]).any()
+    assert kept[True].sum() > 100
+
+
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stretches that a drive of 15 m has enough of."""
+    monkeypatch.setattr(half_module, "STRETCH", 4.0)
+    monkeypatch.setattr(patches_module, "GUARD", 0.5)
+
+
+@pytest.mark.usefixtures("short")
+def test_the_file_says_where_it_comes_from(street: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "mine.onnx"
+    assert cli.main(["adapt", "default", str(street), "--calibrate-only", "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "| on stretches that were not learned from | before | after |" in said
+    parent, mine = choose("default", GridSpec(), {}).model, OnnxSensorModel(out, GridSpec(), {})
+    held = json.loads(next(one.value for one in onnx.load(out).metadata_props if one.key == KEY))
+    assert held["parent"] == {"file": parent.path.name, "sha256": hashlib.sha256(parent.path.read_bytes()).hexdigest()}
+    parts = b"".join(hashlib.sha256((street / name).read_bytes()).digest() for name in ("echogrid.toml", "can.log.gz"))
+    assert held["drives"] == [{"name": "street", "sha256": hashlib.sha256(parts).hexdigest()}]
+    assert held["before"]["detections"] == held["after"]["detections"] > 0
+    assert held["after"]["found"] is not None
+    image = np.random.default_rng(1).integers(0, 9, (12, 128, 128)).astype(np.uint8)
+    np.testing.assert_array_equal(mine.run(image), parent.run(image))  # the network is the same
+    assert cli.main(["evaluate", "own", str(street), "--model", str(out)]) == 0
+
+
+def test_mistakes_are_one_sentence(street: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = str(tmp_path / "mine.onnx")
+    for arguments, expected in (
+        (["default", str(street), "--out", out], "street: too short to learn from one part and score on another"),
+        (["paper", str(street), "--out", out], "paper.onnx: is meant for fusion = 'sum', expected 'looks'"),
+        (["default", str(street), "--out", str(tmp_path / "mine")], "mine: expected a name that ends in .onnx"),
+        (["default", str(tmp_path / "none"), "--out", out], "none: there is no such file or folder"),
+    ):
+        assert cli.main(["adapt", *arguments, "--calibrate-only"]) == 1
+        printed = capsys.readouterr()
+        assert expected in printed.err
+        assert printed.err.count("\n") == 1
+    assert not Path(out).exists()

@@ -1,0 +1,105 @@
+"""The last step alone: two numbers by which a network's answers are read out of the map, fitted to hindsight.
+
+What is minimised is the cost of what is decided at the published thresholds, since the read-out calls what lies beside reflections doubtful
+on purpose, and a fit that minds probabilities alone would give that up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from echogrid.core.map.look_map import Calibration
+from echogrid.core.map.read_out import read_out
+from echogrid.core.map.tile import Layers
+from echogrid.core.map.tiled_map import LogOdds
+from echogrid.core.messages import Floats
+from echogrid_training.evaluation.metrics import ratio
+from echogrid_training.evaluation.recorded.scores import FREE, OCCUPIED
+from echogrid_training.own.patches import Patch
+
+MOST = 60_000  # cells that are fitted to, and detections, evenly chosen
+LOWEST, HIGHEST = 0.1, 4.0  # of `learned`: a network that is not believed at all, or more than it says, is no calibration
+FARTHEST = 4.0  # of `offset` from 0
+# What is lost by a reflection that is not found, one called free, a free cell not called so, and one called occupied. Beside annotated truth
+# these shares rise and fall with objects found and called free, and road called free and occupied (training/LOG.md).
+MISSED, HIDDEN, DOUBTED, PHANTOM = 1.0, 5.0, 1.0, 50.0
+
+
+@dataclass(frozen=True, slots=True)
+class Scores:
+    """At the published thresholds; NaN of nothing."""
+
+    detections: int  # that the map was not shown
+    found: float  # share of them within a cell of an occupied one
+    called_free: float  # share of them in cells called free
+    cells: int  # of which hindsight says something
+    free_called_free: float  # of those that it calls free
+    free_called_occupied: float
+    nll: float  # nats a cell, expected by hindsight's chances
+
+    @property
+    def cost(self) -> float:
+        """Of what is decided; what there is nothing of costs nothing."""
+        lost = (
+            (1 - self.found) * MISSED,
+            self.called_free * HIDDEN,
+            (1 - self.free_called_free) * DOUBTED,
+            self.free_called_occupied * PHANTOM,
+        )
+        return float(np.nansum(lost))
+
+
+def fitted(part: Patch, start: Calibration) -> Calibration:
+    """The numbers by which decisions cost least."""
+    part = thinned(part)
+
+    def cost(numbers: np.ndarray) -> float:
+        learned, offset = float(numbers[0]), float(numbers[1])
+        outside = max(LOWEST - learned, learned - HIGHEST, abs(offset) - FARTHEST, 0.0)
+        return score(part, Calibration(learned, offset)).cost + outside
+
+    first = np.array([(start.learned, start.offset), (start.learned * 1.3, start.offset), (start.learned, start.offset + 0.6)])
+    found = minimize(cost, first[0], method="Nelder-Mead", options={"xatol": 3e-3, "fatol": 1e-5, "initial_simplex": first})
+    learned, offset = (float(value) for value in found.x)
+    return Calibration(round(learned, 4), round(offset, 4))
+
+
+def thinned(part: Patch) -> Patch:
+    """At most MOST cells and detections."""
+    cells, found = (np.linspace(0, size - 1, min(size, MOST)).astype(np.intp) for size in (len(part.chance), part.around.shape[1]))
+    return Patch(part.held_out, part.layers[:, cells], part.chance[cells], part.label[cells], part.around[:, found])
+
+
+def score(part: Patch, calibration: Calibration) -> Scores:
+    """What a map says of it when it is read out so."""
+    said, near = read(part.layers, calibration), read(part.around, calibration)
+    reach, free = np.where(near == 0, -np.inf, near).max(axis=1), part.label < 0
+    here, known = near[:, 0], said != 0
+    surprise = expected_surprise(said[known], part.chance[known])
+    return Scores(
+        detections=len(here),
+        found=ratio(int((reach > OCCUPIED).sum()), len(here)),
+        called_free=ratio(int(((here < FREE) & (here != 0)).sum()), len(here)),
+        cells=len(surprise),
+        free_called_free=ratio(int(((said < FREE) & known & free).sum()), int(free.sum())),
+        free_called_occupied=ratio(int(((said > OCCUPIED) & known & free).sum()), int(free.sum())),
+        nll=ratio(float(surprise.sum()), len(surprise)),
+    )
+
+
+def expected_surprise(log_odds: LogOdds, chance: NDArray[np.floating]) -> Floats:
+    """(N,) nats, for what is occupied with a chance."""
+    lost: Floats = (chance * np.logaddexp(0.0, -log_odds) + (1 - chance) * np.logaddexp(0.0, log_odds)).astype(float)
+    return lost
+
+
+def read(layers: Layers, calibration: Calibration) -> LogOdds:
+    """As LookMap reads them, with other numbers; layers (5, …)."""
+    total, weight, hits, near, passes = layers
+    mean = total / np.maximum(weight, np.float32(1e-6))
+    learned = np.where(weight > 0, np.float32(calibration.learned) * mean + np.float32(calibration.offset), np.float32(0))
+    return read_out(learned.astype(np.float32), hits, near, passes, np.asarray(layers.any(axis=0)))
