@@ -17,6 +17,7 @@ from echogrid_training.drives import campaign, demo, inspect_drive, nuscenes, ra
 from echogrid_training.drives.drive import check_free, write_drive
 from echogrid_training.drives.frames import Report
 from echogrid_training.evaluation import motion, real, sim
+from echogrid_training.labelling import bring, label
 from echogrid_training.learning import fit
 from echogrid_training.own import adapt
 from echogrid_training.own import evaluate as own
@@ -46,7 +47,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="echogrid-train", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    importer = commands.add_parser("import", help="a public recording as a drive folder")
+    importer = commands.add_parser("import", help="a recording as a drive folder: public, or your own with a lidar")
     sets = importer.add_subparsers(required=True, metavar="DATASET")
     one = sets.add_parser("nuscenes", help="one scene: its four corner radars, with the CAN bus expansion")
     one.add_argument("source", type=Path, help="root of the official layout, a scene-XXXX.npz, or a folder of such files")
@@ -55,6 +56,10 @@ def _parser() -> argparse.ArgumentParser:
     other = sets.add_parser("radarscenes", help="one sequence: its four radars")
     other.add_argument("source", type=Path, help="an official folder sequence_N, or a seq_N.npz")
     other.set_defaults(command=_radarscenes)
+
+    mine = sets.add_parser("own", help="your own recording: a CAN log with a lidar's bag or folder of points")
+    bring.add_arguments(mine)
+    mine.set_defaults(command=_own)
 
     scene = commands.add_parser("scene", help="a small generated street scene of 40 s: no antenna, no materials")
     scene.add_argument("--seed", type=int, default=0, help="of the noise; the same seed makes the same bytes (default: 0)")
@@ -77,6 +82,12 @@ def _parser() -> argparse.ArgumentParser:
     towns.add_argument("--workers", type=fit.positive, default=os.cpu_count() or 1, metavar="N", help="processes; the result is the same")
     towns.add_argument("--out", type=Path, required=True, metavar="DIR")
     towns.set_defaults(command=_simulate)
+
+    towns.add_argument("--lidar", action="store_true", help="also write each drive's lidar, as a bag of ROS 2 would hold it: lidar.mcap")
+
+    truth = commands.add_parser("label", help="the true map of your own drives, out of their lidar")
+    label.add_arguments(truth)
+    truth.set_defaults(command=_label)
 
     look = commands.add_parser("inspect", help="detections, lidar, truth and pose of a simulated drive: a picture and an animation")
     look.add_argument("drive", type=Path, metavar="DRIVE")
@@ -157,12 +168,26 @@ def _write(options: argparse.Namespace, recording: Recording, truth_map: TruthMa
 
 def _simulate(options: argparse.Namespace) -> None:
     plan = campaign.Campaign(
-        options.family or "osm", options.towns, options.seconds, options.seed, options.osm and str(options.osm), options.sensors
+        options.family or "osm",
+        options.towns,
+        options.seconds,
+        options.seed,
+        options.osm and str(options.osm),
+        options.sensors,
+        options.lidar,
     )
     with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task(f"simulating {options.towns} drives", total=options.towns)
         made = campaign.run(plan, options.out, options.workers, lambda _: bar.advance(task))
     print(f"{options.out}: {options.towns} drives of {options.seconds:g} s, {made} of them made now")
+
+
+def _own(options: argparse.Namespace) -> None:
+    print(bring.run(options, _tracked()))
+
+
+def _label(options: argparse.Namespace) -> None:
+    print(label.run(options, _tracked()))
 
 
 def _inspect(options: argparse.Namespace) -> None:

@@ -6,6 +6,7 @@ import multiprocessing
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from echogrid.errors import EchogridError
 from echogrid_training.drives.drive import check_free, write_drive
+from echogrid_training.drives.lidar_writer import write_lidar
 from echogrid_training.drives.simulate import simulate
 from echogrid_training.sensors.episode import Episode, draw_episode, paper_sensors, sparse_sensors
 from echogrid_training.worlds.layout import make_town
@@ -39,6 +41,7 @@ class Campaign:
     seed: int
     osm: str | None = None
     sensors: Kind = "drawn"
+    lidar: bool = False  # written beside each drive
 
     def name(self, index: int) -> str:
         """The folder of one town."""
@@ -92,7 +95,8 @@ def make(campaign: Campaign, index: int, out: Path) -> str:
     else:
         town = town_from_osm(Path(campaign.osm), seed, campaign.seconds)
     recording, truth = simulate(town, SENSORS[campaign.sensors](seed, campaign.family))
-    write_drive(recording, folder, seed=seed, truth_map=truth)
+    beside = partial(write_lidar, town) if campaign.lidar else None
+    write_drive(recording, folder, seed=seed, truth_map=truth, beside=beside)
     return folder.name
 
 
@@ -107,7 +111,7 @@ def _compare(campaign: Campaign, out: Path) -> None:
         raise EchogridError(f"{plan}: cannot be read: {error.strerror}") from error
     except msgspec.DecodeError as error:
         raise EchogridError(f"{plan}: does not note a campaign: {error}") from error
-    for key in ("family", "seconds", "seed", "osm", "sensors"):
+    for key in ("family", "seconds", "seed", "osm", "sensors", "lidar"):
         if getattr(noted, key) != getattr(campaign, key):
             raise EchogridError(
                 f"{plan}: the folder holds a campaign with {key} {getattr(noted, key)}, expected {getattr(campaign, key)}: "

@@ -5,6 +5,8 @@
     truth.npz       stamp_ns int64; x, y, yaw float64 of base (m, rad; the first pose is 0, 0, 0); walls (W, 2, 2) where they are known;
                     with a true map also log_odds (H, W) float32, origin (2,) and cell (m), as in ground_truth.TruthMap
 
+    lidar.mcap      with lidar.toml, where a simulated lidar's points were asked for (lidar_writer.py)
+
 The same recording and seed give the same bytes.
 """
 
@@ -14,7 +16,7 @@ import gzip
 import io
 import math
 import shutil
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import can
@@ -29,7 +31,7 @@ from echogrid_training.drives.radar_writer import RadarLayout
 from echogrid_training.recording import Recording, Track, untracked
 from echogrid_training.truth.ground_truth import TruthMap
 
-CONFIG, LOG, TRUTH = "echogrid.toml", "can.log.gz", "truth.npz"
+CONFIG, LOG, TRUTH, LIDAR, MOUNT = "echogrid.toml", "can.log.gz", "truth.npz", "lidar.mcap", "lidar.toml"
 
 
 def write_drive(
@@ -41,15 +43,17 @@ def write_drive(
     seed: int = 0,
     force: bool = False,
     track: Track = untracked,
+    beside: Callable[[Path], None] | None = None,
 ) -> Report:
     """Writes the recording's drive folder completely or not at all. With `force` it replaces an existing drive.
 
-    `fd`: CAN FD radars, else classic ones; `seed` draws the radars' processing times. Raises EchogridError.
+    `fd`: CAN FD radars, else classic ones; `seed` draws the radars' processing times; `beside` writes more into the folder that it is
+    given. Raises EchogridError.
     """
     check_free(folder, force)
     messages, wirings, report = can_frames(recording, fd, seed, track)
     try:
-        _write(recording, truth_map, folder, fd, messages, wirings, len(report.loads))
+        _write(recording, truth_map, folder, fd, messages, wirings, len(report.loads), beside)
     except OSError as error:
         raise EchogridError(f"{folder}: the drive cannot be written: {error.strerror}") from error
     return report
@@ -60,7 +64,7 @@ def check_free(folder: Path, force: bool) -> None:
     if folder.exists() and not folder.is_dir():
         raise EchogridError(f"{folder}: is a file, expected a folder that does not exist yet or is empty")
     found = sorted(entry.name for entry in folder.iterdir()) if folder.exists() else []
-    foreign = [name for name in found if name not in (CONFIG, LOG, TRUTH)]
+    foreign = [name for name in found if name not in (CONFIG, LOG, TRUTH, LIDAR, MOUNT)]
     if foreign and force:
         raise EchogridError(f"{folder}: holds '{foreign[0]}', which is not part of a drive, so --force does not replace it")
     if found and not force:
@@ -75,6 +79,7 @@ def _write(
     messages: list[can.Message],
     wirings: dict[str, Wiring],
     buses: int,
+    beside: Callable[[Path], None] | None,
 ) -> None:
     partial = folder.parent / f".{folder.name}.partial"
     if partial.exists():  # of a run that was killed
@@ -84,6 +89,8 @@ def _write(
         (partial / CONFIG).write_text(config_text(recording, fd, wirings, buses), encoding="utf-8")
         write_log(partial / LOG, messages)
         write_truth(partial / TRUTH, recording, truth_map)
+        if beside is not None:
+            beside(partial)
         if folder.exists():
             shutil.rmtree(folder)
         partial.rename(folder)

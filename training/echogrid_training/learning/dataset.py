@@ -33,6 +33,7 @@ from echogrid_training.sensors.disturbance import Disturbance
 from echogrid_training.truth import ground_truth
 
 SURE = 127  # what a label of 1 is stored as
+UNJUDGED = -128  # the label of a cell of which nothing is to be learned
 HELD_OUT = 8  # one town in so many is for validation
 ARRAYS = ("images", "lidar", "labels")  # of Samples
 SPEC = GridSpec()  # what the networks are made for
@@ -108,8 +109,8 @@ def of_detections(images: Bytes) -> NDArray[np.float32]:
 
 
 def ternary(labels: Labels) -> Image:
-    """-1, 0 or 1 of stored labels: the paper's three classes."""
-    return np.sign(labels).astype(np.float32)
+    """-1, 0 or 1 of stored labels: the paper's three classes; 0 too of what is UNJUDGED."""
+    return np.where(labels == UNJUDGED, np.float32(0), np.sign(labels).astype(np.float32))
 
 
 def soft(labels: Labels) -> Image:

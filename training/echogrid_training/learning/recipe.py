@@ -12,12 +12,13 @@ from torch import Tensor, nn
 from torch.nn.functional import cross_entropy
 
 from echogrid_training.learning.autoencoder import PaperAutoencoder
-from echogrid_training.learning.dataset import Labels, Samples, mirrored, of_detections, of_lidar, soft, ternary, turned
+from echogrid_training.learning.dataset import UNJUDGED, Labels, Samples, mirrored, of_detections, of_lidar, soft, ternary, turned
 from echogrid_training.learning.loss import Weighting, reconstruction_loss
 from echogrid_training.learning.unet import CLASS_WEIGHTS, UNet, corrected, evenly
 
 Network = Literal["paper", "default"]
 Sensor = Literal["radar", "lidar"]
+IGNORED = 99  # in a label's place: no class
 Kind = Literal["ternary", "soft"]  # labels: -1, 0, 1 as the paper's classes are written, or tanh(L / 2)
 
 
@@ -87,10 +88,12 @@ class Default(Recipe):
         images, labels = samples.images, samples.labels
         if rng is not None:
             images, labels = mirrored(images, labels, rng)
-        return torch.from_numpy(images).float() / 255, torch.from_numpy(ternary(labels))
+        shown = np.where(labels == UNJUDGED, np.float32(IGNORED), ternary(labels))
+        return torch.from_numpy(images).float() / 255, torch.from_numpy(shown)
 
     def loss(self, output: Tensor, label: Tensor) -> Tensor:
-        return cross_entropy(output, label.long() + 1, weight=torch.tensor(CLASS_WEIGHTS, device=output.device))
+        weight = torch.tensor(CLASS_WEIGHTS, device=output.device)
+        return cross_entropy(output, label.long() + 1, weight=weight, ignore_index=IGNORED + 1)
 
     def log_odds(self, output: Tensor) -> Tensor:
         """Of occupied against free, where a cell is observable at all."""
@@ -102,7 +105,8 @@ class Default(Recipe):
 
 
 def shares(labels: Labels) -> tuple[float, float, float]:
-    """Of free, unknown and occupied cells."""
-    counts = [np.count_nonzero(labels < 0), np.count_nonzero(labels == 0), np.count_nonzero(labels > 0)]
-    free, unknown, occupied = (float(count) / max(labels.size, 1) for count in counts)
+    """Of free, unknown and occupied cells among those that are judged, none of them 0."""
+    counts = [np.count_nonzero((labels < 0) & (labels != UNJUDGED)), np.count_nonzero(labels == 0), np.count_nonzero(labels > 0)]
+    total = float(max(sum(counts), 1))
+    free, unknown, occupied = (max(float(count), 1.0) / total for count in counts)
     return free, unknown, occupied

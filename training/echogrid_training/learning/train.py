@@ -25,6 +25,7 @@ from torch.utils.tensorboard import SummaryWriter
 
 from echogrid.errors import EchogridError
 from echogrid_training.learning.autoencoder import decayed, squared
+from echogrid_training.learning.best import Best
 from echogrid_training.learning.dataset import Samples, soft, ternary
 from echogrid_training.learning.loss import Weighting, calibrate, class_mse, class_sums
 from echogrid_training.learning.ranks import Ranks, joined_ranks
@@ -137,16 +138,18 @@ def fit(
     track: Track = untracked,
     data_sha256: str | None = None,
     start: dict[str, Tensor] | None = None,
+    patience: int | None = None,
 ) -> Trained:
     """Trains, and writes log, checkpoints and model into `out`. An interrupted run that is resumed ends with the same bits on a CPU.
 
-    `start`: weights to begin with instead of random ones (warm_start.py).
+    `start`: weights to begin with instead of random ones (warm_start.py). `patience`: the weights of the epoch with the least loss on
+    `held_out` are kept, those of the start among them, and so many epochs without a lesser one are the last; not to be resumed.
 
     Raises EchogridError where `out` holds another run, or this one without `resume`.
     """
     data_sha256 = data_sha256 or learned.digest()
     with joined_ranks() as ranks:
-        return _fit(learned, held_out, settings, out, data_sha256, resume, track, ranks, start)
+        return _fit(learned, held_out, settings, out, data_sha256, resume, track, ranks, start, patience)
 
 
 def _fit(
@@ -159,6 +162,7 @@ def _fit(
     track: Track,
     ranks: Ranks,
     start: dict[str, Tensor] | None,
+    patience: int | None,
 ) -> Trained:
     of_classes = shares(learned.labels)
     way = recipe(settings, of_classes)
@@ -172,6 +176,9 @@ def _fit(
     size = min(settings.batch, count)
     per_epoch = count // size
     steps = settings.epochs * per_epoch
+    best = Best(patience) if patience is not None else None
+    if best is not None:
+        best.stale(run.average, held_out_loss(way, run.average, thinned(held_out, LOOK)))
     for epoch in range(run.epoch, settings.epochs):
         began, total = time.monotonic(), 0.0
         rng = np.random.default_rng((settings.seed, epoch, ranks.rank))  # an epoch is the same whatever came before it
@@ -204,6 +211,10 @@ def _fit(
             for name, error in mse.items():
                 board.add_scalar(f"held-out class MSE/{name}", error, run.epoch * per_epoch)
             _save(out / CHECKPOINT, {"what": what, "run": run.state()})
+        if best is not None and best.stale(run.average, held_out_loss(way, run.average, thinned(held_out, LOOK))):
+            break
+    if best is not None:
+        run.average.load_state_dict(best.weights)
     if board is not None:
         board.close()
     return _finish(run, way, of_classes, settings, data_sha256, held_out if len(held_out) else learned, out if ranks.writes else None)
@@ -240,6 +251,14 @@ def errors(recipe: Recipe, model: nn.Module, samples: Samples) -> dict[str, Tens
         for name, label in (("ternary", ternary(labels)), ("soft", soft(labels))):
             sums[name] += class_sums(answer, torch.from_numpy(label))
     return sums
+
+
+def held_out_loss(way: Recipe, model: nn.Module, samples: Samples) -> float:
+    """Sum over samples."""
+    total = 0.0
+    for first, (output, labels) in enumerate(inferred(way, model, samples, 1)):
+        total += float(way.loss(output, way.shown(samples.chosen(np.arange(first, first + len(labels))))[1]))
+    return total
 
 
 @torch.inference_mode()

@@ -1,11 +1,16 @@
-"""`echogrid-train adapt`: a model for this car, out of drives that nobody labelled."""
+"""`echogrid-train adapt`: a model for this car, out of drives that nobody labelled.
+
+Written is what costs least on stretches that nothing was learned from: the model with its weights and its last step adapted, with its last
+step alone, or as it was.
+"""
 
 from __future__ import annotations
 
 import argparse
 import hashlib
-from collections.abc import Sequence
-from dataclasses import asdict
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +22,13 @@ from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.map.look_map import Calibration
 from echogrid.errors import EchogridError
 from echogrid.logs.drive import find_drive
-from echogrid.model.choice import choose
+from echogrid.model.choice import SHIPPED, choose, shipped
 from echogrid.model.network import KEY, OnnxSensorModel
 from echogrid_training.evaluation.real import finite, named
 from echogrid_training.evaluation.recorded.drive import RealDrive
+from echogrid_training.learning.dataset import find_drives, joined, load_drives
+from echogrid_training.learning.fit import positive
+from echogrid_training.own import fine_tuning
 from echogrid_training.own.calibrating import Scores, fitted, score
 from echogrid_training.own.half import driven_through, roomy
 from echogrid_training.own.measure import every_other, heard
@@ -36,6 +44,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("drives", type=Path, nargs="+", metavar="DRIVE", help="drive folders, or recordings with -c")
     parser.add_argument("-c", "--config", type=Path, metavar="FILE", help="configuration of the recordings")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE.onnx", help="the model to write")
+    parser.add_argument("--simulated", type=Path, metavar="DIR", help="simulated drives to learn from too, so that the prior stays")
+    parser.add_argument("--epochs", type=positive, default=fine_tuning.EPOCHS, metavar="N", help=f"at most (default: {fine_tuning.EPOCHS})")
+    parser.add_argument("--seed", type=int, default=0, metavar="S", help="of drawn labels and of order (default: 0)")
     parser.add_argument("--calibrate-only", action="store_true", help="fit how the network is read out, two numbers, and not its weights")
 
 
@@ -46,20 +57,46 @@ def run(options: argparse.Namespace, track: Track = untracked) -> str:
     if parent.contract.fusion != "looks":
         raise EchogridError(f"{parent.path}: is meant for fusion = '{parent.contract.fusion}', expected 'looks'")
     drives = [heard(source, options.config)[0] for source in track(options.drives, "reading drives")]
-    parts = halves(drives, parent.path, track)
+    learned, held_out = split(halves(drives, parent.path, track), options.drives)
     start = parent.contract.calibration
-    learned, held_out = split(parts, options.drives)
-    before, found = score(held_out, start), fitted(learned, start)
-    after = score(held_out, found)
-    kept = not after.cost < before.cost
-    if kept:
-        found, after = start, before
+    before, last_step = score(held_out, start), fitted(learned, start)
     notes = {"parent": {"file": parent.path.name, "sha256": parent.sha256}, "drives": hashes(options.drives, options.config)}
-    figures = {"before": finite(asdict(before)), "after": finite(asdict(after))}
-    write(parent.path, options.out, found, notes | figures)
-    end = "the parent's numbers are kept: others were no better on stretches that were not fitted to" if kept else "fitted by hindsight"
-    head = f"{options.out}: learned = {found.learned:g}, offset = {found.offset:g} (before {start.learned:g}, {start.offset:g}); {end}"
-    return "\n".join((head, "", *table(before, after)))
+    with tempfile.TemporaryDirectory() as temporary:
+        tried = [
+            Tried("as it was: nothing tried was better on stretches that it was not fitted to", [parent.path], start, before),
+            Tried("the last step fitted", [parent.path], last_step, score(held_out, last_step)),
+        ]
+        if not options.calibrate_only:
+            tried += network(options, drives, start, Path(temporary), track)
+        best = min(tried, key=lambda one: one.scores.cost)
+        figures = {"before": finite(asdict(before)), "after": finite(asdict(best.scores))}
+        outs = [options.out, options.out.with_suffix(".int8.onnx")][: len(best.files)]
+        for file, out in zip(best.files, outs, strict=True):
+            write(file, out, best.calibration, notes | figures)
+    said = f"learned = {best.calibration.learned:g}, offset = {best.calibration.offset:g} (before {start.learned:g}, {start.offset:g})"
+    return "\n".join((f"{', '.join(map(str, outs))}: {best.what}; {said}", "", *table(tried)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tried:
+    """One way to adapt: its files, float before int8 where there are two, and what held-out stretches say of it."""
+
+    what: str
+    files: list[Path]
+    calibration: Calibration
+    scores: Scores
+
+
+def network(options: argparse.Namespace, drives: Sequence[RealDrive], start: Calibration, out: Path, track: Track) -> Iterator[Tried]:
+    """The weights adapted, then the last step. Raises EchogridError."""
+    parent = shipped(options.model)[-1] if options.model in SHIPPED else Path(options.model)
+    samples, held_out = fine_tuning.hindsight_samples(drives, options.seed, track)
+    if options.simulated is not None:
+        samples = joined([samples, load_drives(find_drives(options.simulated), track, disturbed=True)])
+    files = fine_tuning.tuned(parent, samples, held_out, out, start, seed=options.seed, epochs=options.epochs, track=track)
+    learned, judging = split(halves(drives, files[-1], track), options.drives)
+    last_step = fitted(learned, start)
+    yield Tried("weights and last step adapted", files, last_step, score(judging, last_step))
 
 
 def check_out(path: Path) -> None:
@@ -125,17 +162,19 @@ def write(parent: Path, out: Path, calibration: Calibration, notes: dict[str, An
     partial.replace(out)
 
 
-def table(before: Scores, after: Scores) -> list[str]:
-    """Rows of Markdown."""
-    rows = ["| on stretches that were not learned from | before | after |", "| --- | --- | --- |"]
-    rows.append(f"| reflections not shown | {before.detections} | {after.detections} |")
+def table(tried: Sequence[Tried]) -> list[str]:
+    """Rows of Markdown: the model as it was, then what was tried."""
+    scores = [one.scores for one in tried]
+    heads = ("before", "last step", "weights and last step")[: len(tried)]
+    rows = [f"| on stretches that were not learned from | {' | '.join(heads)} |", "| --- |" + " --- |" * len(tried)]
+    rows.append(f"| reflections not shown | {' | '.join(str(one.detections) for one in scores)} |")
     for name, title in {
         "found": "found",
         "called_free": "called free",
         "free_called_free": "free cells called free",
         "free_called_occupied": "free cells called occupied",
     }.items():
-        rows.append(f"| {title} | {getattr(before, name):.2%} | {getattr(after, name):.2%} |")
-    rows.append(f"| cost of what is decided | {before.cost:.4f} | {after.cost:.4f} |")
-    rows.append(f"| NLL of {before.cells} judged cells | {before.nll:.4f} | {after.nll:.4f} |")
+        rows.append(f"| {title} | {' | '.join(f'{getattr(one, name):.2%}' for one in scores)} |")
+    rows.append(f"| cost of what is decided | {' | '.join(f'{one.cost:.4f}' for one in scores)} |")
+    rows.append(f"| NLL, cells | {' | '.join(f'{one.nll:.4f}, {one.cells}' for one in scores)} |")
     return rows

@@ -24,7 +24,7 @@ from echogrid_training.own.patches import Patch
 MOST = 60_000  # cells that are fitted to, and detections, evenly chosen
 LOWEST, HIGHEST = 0.1, 4.0  # of `learned`: a network that is not believed at all, or more than it says, is no calibration
 FARTHEST = 4.0  # of `offset` from 0
-# What is lost by a reflection that is not found, one called free, a free cell not called so, and one called occupied. Beside annotated truth
+# What is lost by a reflection that is not found, one called free, a free cell not called so, one called occupied. Beside annotated truth
 # these shares rise and fall with objects found and called free, and road called free and occupied (training/LOG.md).
 MISSED, HIDDEN, DOUBTED, PHANTOM = 1.0, 5.0, 1.0, 50.0
 
