@@ -2,7 +2,7 @@
 
 echogrid.toml   the configuration as given, with the DBC files that it names
 can.*           the CAN log as given
-lidar.npz       stamp_ns (T,), offsets (T + 1,), xyz_cm (N, 3) int16 in the lidar's frame: turn i has the points offsets[i] to offsets[i + 1]
+lidar.npz       stamp_ns (T,), offsets (T + 1,), xyz_cm (N, 3) int16 in its own frame; turn i begins at offsets[i]
 lidar.toml      where the lidar is
 """
 
