@@ -15,13 +15,13 @@ from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.map.look_map import Calibration, LookMap
 from echogrid.core.motion.odometry import EgoState
 from echogrid.core.motion.se2 import SE2
-from echogrid.model.choice import choose
+from echogrid.model.choice import shipped
 from echogrid.model.network import KEY, OnnxSensorModel
 from echogrid_training import cli
 from echogrid_training.evaluation.recorded.scores import Rectangle
 from echogrid_training.own import half as half_module
 from echogrid_training.own import patches as patches_module
-from echogrid_training.own.calibrating import fitted, read, score
+from echogrid_training.own.calibrating import counts, fitted, read, score, scores, surely_better
 from echogrid_training.own.half import Half
 from echogrid_training.own.hindsight import Judged
 from echogrid_training.own.patches import GUARD, Patch, keep_kind
@@ -90,8 +90,8 @@ def test_the_file_says_where_it_comes_from(street: Path, tmp_path: Path, capsys:
     out = tmp_path / "mine.onnx"
     assert cli.main(["adapt", "default", str(street), "--calibrate-only", "--out", str(out)]) == 0
     said = capsys.readouterr().out
-    assert "| on stretches that were not learned from | before | after |" in said
-    parent, mine = choose("default", GridSpec(), {}).model, OnnxSensorModel(out, GridSpec(), {})
+    assert "| on stretches that were not learned from | before | last step |" in said
+    parent, mine = OnnxSensorModel(shipped("default")[0], GridSpec(), {}), OnnxSensorModel(out, GridSpec(), {})
     held = json.loads(next(one.value for one in onnx.load(out).metadata_props if one.key == KEY))
     assert held["parent"] == {"file": parent.path.name, "sha256": hashlib.sha256(parent.path.read_bytes()).hexdigest()}
     parts = b"".join(hashlib.sha256((street / name).read_bytes()).digest() for name in ("echogrid.toml", "can.log.gz"))
@@ -116,3 +116,17 @@ def test_mistakes_are_one_sentence(street: Path, tmp_path: Path, capsys: pytest.
         assert expected in printed.err
         assert printed.err.count("\n") == 1
     assert not Path(out).exists()
+
+
+def test_what_is_better_by_luck_is_not_surely_better() -> None:
+    """One stretch of eight that gains much, and eight that gain a little each."""
+    part = made_up(np.random.default_rng(4), 4000, Calibration(1.0, 0.0))
+    before = np.tile(counts(part, Calibration(1.0, 0.0)), (8, 1))
+    lucky, steady = before.copy(), before.copy()
+    lucky[0, 1] -= 0.5 * lucky[0, 0]
+    lucky[1:, 1] += 0.01 * lucky[1:, 0]
+    steady[:, 1] += 0.01 * steady[:, 0]
+    assert scores(before.sum(axis=0)) == score(Patch.joined([part] * 8), Calibration(1.0, 0.0))
+    assert surely_better(before, steady) == 1.0
+    assert surely_better(before, lucky) < 0.5
+    assert surely_better(before, before) == 0.0

@@ -21,6 +21,7 @@ from echogrid_training.evaluation.metrics import ratio
 from echogrid_training.evaluation.recorded.scores import FREE, OCCUPIED
 from echogrid_training.own.patches import Patch
 
+DRAWN = 400  # draws of stretches
 MOST = 60_000  # cells that are fitted to, and detections, evenly chosen
 LOWEST, HIGHEST = 0.1, 4.0  # of `learned`: a network that is not believed at all, or more than it says, is no calibration
 FARTHEST = 4.0  # of `offset` from 0
@@ -76,19 +77,39 @@ def thinned(part: Patch) -> Patch:
 
 def score(part: Patch, calibration: Calibration) -> Scores:
     """What a map says of it when it is read out so."""
+    return scores(counts(part, calibration))
+
+
+def counts(part: Patch, calibration: Calibration) -> Floats:
+    """(8,) that add up over patches: detections, found, called free; free cells, called free, called occupied; cells, nats of surprise."""
     said, near = read(part.layers, calibration), read(part.around, calibration)
-    reach, free = np.where(near == 0, -np.inf, near).max(axis=1), part.label < 0
+    reach, free = np.where(near == 0, -np.inf, near).max(axis=1, initial=-np.inf), part.label < 0
     here, known = near[:, 0], said != 0
     surprise = expected_surprise(said[known], part.chance[known])
+    found = (len(here), (reach > OCCUPIED).sum(), ((here < FREE) & (here != 0)).sum())
+    cells = (free.sum(), ((said < FREE) & known & free).sum(), ((said > OCCUPIED) & known & free).sum())
+    return np.array((*found, *cells, len(surprise), surprise.sum()), dtype=float)
+
+
+def scores(total: Floats) -> Scores:
+    """Of `counts`, summed."""
+    detections, found, hidden, free, kept, phantom, cells, surprise = total.tolist()
     return Scores(
-        detections=len(here),
-        found=ratio(int((reach > OCCUPIED).sum()), len(here)),
-        called_free=ratio(int(((here < FREE) & (here != 0)).sum()), len(here)),
-        cells=len(surprise),
-        free_called_free=ratio(int(((said < FREE) & known & free).sum()), int(free.sum())),
-        free_called_occupied=ratio(int(((said > OCCUPIED) & known & free).sum()), int(free.sum())),
-        nll=ratio(float(surprise.sum()), len(surprise)),
+        detections=int(detections),
+        found=ratio(found, detections),
+        called_free=ratio(hidden, detections),
+        cells=int(cells),
+        free_called_free=ratio(kept, free),
+        free_called_occupied=ratio(phantom, free),
+        nll=ratio(surprise, cells),
     )
+
+
+def surely_better(before: Floats, after: Floats, seed: int = 0) -> float:
+    """Share of draws of stretches in which `after` costs less; both (S, 8), `counts` of the same stretches."""
+    draws = np.random.default_rng(seed).integers(0, len(before), (DRAWN, len(before)))
+    less = [scores(after[one].sum(axis=0)).cost < scores(before[one].sum(axis=0)).cost for one in draws]
+    return float(np.mean(less))
 
 
 def expected_surprise(log_odds: LogOdds, chance: NDArray[np.floating]) -> Floats:
