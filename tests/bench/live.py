@@ -13,8 +13,8 @@ import time
 from pathlib import Path
 
 from echogrid.can.signals import bus_of
-from echogrid.live.player import on_virtual_buses, senders
 from echogrid.config.loading import load_config
+from echogrid.live.player import on_virtual_buses, senders
 from echogrid.live.service import Service, resident_mib
 from echogrid.logs.drive import find_drive
 from echogrid.logs.log import Log

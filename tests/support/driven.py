@@ -98,7 +98,7 @@ def follow(driven: Driven, learns: Learns = "driving", errors: ErrorFilter | Non
         for radar, mount in enumerate(MOUNTS.values()):
             ego, scan = odometry.at(stamp_ns), driven.scan(radar, n)
             if ego is not None:
-                placed.append(PlacedScan(scan, mount, ego, np.zeros(len(scan)), scan))
+                placed.append(PlacedScan.of(scan, mount, ego, noise))
         doppler.add(placed, errors, noise)
     return odometry
 

@@ -25,7 +25,7 @@ def placed(name: str, rate_off: float = 0.0, ambiguity: float = 0.0, stamp_ns: i
     azimuth = np.linspace(-1.2, 1.2, 25)
     rate, _ = static_range_rate(azimuth, MOUNTS[name], EGO.speed, EGO.yaw_rate)
     scan = RadarScan(name, stamp_ns, stamp_ns, np.full(25, 9.0), azimuth, rate + rate_off, np.zeros(25), ambiguity)
-    return PlacedScan(scan, MOUNTS[name], replace(EGO, stamp_ns=stamp_ns), np.zeros(25), scan)
+    return PlacedScan.of(scan, MOUNTS[name], replace(EGO, stamp_ns=stamp_ns), NOISE)
 
 
 def test_derivatives_equal_finite_differences() -> None:

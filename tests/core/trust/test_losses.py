@@ -16,7 +16,7 @@ from echogrid.core.motion.se2 import SE2
 from echogrid.core.radar.doppler_motion import doppler_motion
 from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
-from echogrid.core.radar.static_gate import GateNoise, deviation
+from echogrid.core.radar.static_gate import GateNoise
 from echogrid.core.trust.motion_watch import BROAD
 from echogrid.core.trust.radar_watch import RadarWatch
 from echogrid.core.trust.watch import Watch
@@ -107,7 +107,7 @@ def test_a_front_radar_full_of_traffic_does_not_outvote_the_wheels() -> None:
         ego = EgoState(one.stamp_ns, SE2(0.6 * n, 0.0, 0.0), 12.0, 0.0)
         seen = doppler_motion([(one, AHEAD)])
         assert seen is None or seen.support < 0.5 or seen.breadth < BROAD
-        placed = PlacedScan(one, AHEAD, ego, deviation(one.azimuth, one.range_rate, one.ambiguity, AHEAD, 12.0, 0.0, noise), one)
+        placed = PlacedScan.of(one, AHEAD, ego, noise)
         watch.judge([placed])
         assert watch.motion.disputed is None
         assert "odd" not in watch.radars["front"].doubts
