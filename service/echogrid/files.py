@@ -10,6 +10,7 @@ from pathlib import Path
 
 from echogrid.errors import EchogridError
 
+NEAR = 0.75  # of all letters in common: that both end in .toml is not enough
 MOST_NAMES = 1000  # of a folder, among which a name is looked for
 
 
@@ -19,7 +20,7 @@ def meant(path: Path) -> str:
         names = [entry.name for entry, _ in zip(path.parent.iterdir(), range(MOST_NAMES), strict=False)]
     except OSError:
         return ""
-    near = difflib.get_close_matches(path.name, names, n=1)
+    near = difflib.get_close_matches(path.name, names, n=1, cutoff=NEAR)
     return f"; did you mean {path.with_name(near[0])}?" if near else ""
 
 

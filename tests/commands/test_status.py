@@ -66,17 +66,18 @@ def test_a_service_that_is_well(endpoint: str) -> None:
         "store     ok, 12 MiB",
         "recording failed, 44 MiB: No space left on device",
         'model     default.onnx: "float" is\\as fast here',
+        "kernels   compiled",
         *(line for line in shown if line.startswith(("radar", "bus", "counters"))),
     ]
-    assert [line.split()[:2] for line in shown[8:-1]] == [
+    assert [line.split()[:2] for line in shown[9:-1]] == [
         ["radar", "front_left"],
         ["radar", "rear_right"],
         ["bus", "chassis"],
         ["bus", "radars"],
     ]
-    assert shown[8].startswith("radar     front_left  100 complete, 101 incomplete, 102 late, ")
-    assert shown[10].startswith("bus       chassis  10 frames, ")
-    assert shown[11].startswith("bus       radars   down, 20 frames, ")
+    assert shown[9].startswith("radar     front_left  100 complete, 101 incomplete, 102 late, ")
+    assert shown[11].startswith("bus       chassis  10 frames, ")
+    assert shown[12].startswith("bus       radars   down, 20 frames, ")
     assert "7 dropped frames" in shown[-1]
 
 
