@@ -2,7 +2,7 @@
 
 Robust least squares over the range rates of standing things. Each error bends them in its own way: a yaw by the speed across the line of
 sight, a time offset by acceleration, a yaw-rate bias by the lever arm. What the drive does not tell apart keeps a wide sigma: the priors
-say how wide. Sigmas count seconds, not detections, as independent: what disturbs one disturbs its neighbours.
+say how wide. Sigmas count seconds and sectors, not detections, as independent: what disturbs one disturbs its neighbours.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ ROUNDS = 4
 CUT = 3.0  # robust sigmas: what is farther off does not stand
 FLOOR = 0.05  # m/s: no residual spread is smaller
 BLOCK = 2.0  # s that count as one observation
+SECTOR = math.radians(12.0)  # of the azimuths, that counts as one as well: sensors bend azimuths differently in each
 FREE = 8  # parameters that bend one radar's range rates: as many observations are used up
 YAW, OFFSET, RATE_BIAS, STRETCH = math.radians(20.0), 0.3, 0.15, 0.02  # prior sigmas of each radar: rad, s, m/s, share of the azimuths
 PLACE = 0.3  # m, of its x and y
@@ -101,6 +102,7 @@ def refine(radars: Sequence[RadarTrack], agrees: Sequence[Flags], speed: Track, 
     for _ in range(ROUNDS):
         normal, right = np.diag(prior), prior * (centre - found)
         scores: dict[int, Floats] = {}
+        by_sector = np.zeros((count, count))
         for n, one in enumerate(chosen):
             columns, left = _linearised(one, found[OWN * n : OWN * n + OWN], found[-COMMON:], speed, yaw_rate)
             if len(left) < 20:
@@ -112,12 +114,14 @@ def refine(radars: Sequence[RadarTrack], agrees: Sequence[Flags], speed: Track, 
             places = [*range(OWN * n, OWN * n + OWN), *range(count - COMMON, count)]
             normal[np.ix_(places, places)] += columns.T @ columns
             right[places] += columns.T @ left
-            _add_scores(scores, columns * left[:, None], one.time[inside], places, count)
+            gradient = columns * left[:, None]
+            _add_scores(scores, gradient, one.time[inside], places, count)
+            by_sector[np.ix_(places, places)] += _sectors(gradient, one.azimuth[inside])
         inverse = np.linalg.inv(normal)
         found = found + inverse @ right
         summed = np.array(list(scores.values())) if scores else np.zeros((1, count))
         blocks = len(summed) * len(summed) / max(len(summed) - FREE, 1)
-        covariance = inverse @ (np.diag(prior) + summed.T @ summed * blocks / len(summed)) @ inverse
+        covariance = inverse @ (np.diag(prior) + summed.T @ summed * blocks / len(summed) + by_sector) @ inverse
     sigma = np.sqrt(np.diag(covariance))
     each = [Estimate(float(value), float(one)) for value, one in zip(found, sigma, strict=True)]
     errors = []
@@ -196,6 +200,15 @@ def _add_scores(scores: dict[int, Floats], gradient: Floats, time: Floats, place
     for number in np.unique(block):
         score = scores.setdefault(int(number), np.zeros(count))
         score[places] += gradient[block == number].sum(axis=0)
+
+
+def _sectors(gradient: Floats, azimuth: Floats) -> Floats:
+    """(P, P) by how much the sums of gradients (N, P) vary from sector to sector: what bends azimuths there does so all the drive long."""
+    _, sector = np.unique(np.floor(azimuth / SECTOR), return_inverse=True)
+    sums = np.zeros((int(sector.max(initial=0)) + 1, gradient.shape[1]))
+    np.add.at(sums, sector, gradient)
+    varied: Floats = sums.T @ sums * len(sums) / max(len(sums) - OWN, 1)
+    return varied
 
 
 def turned(mount: Mount, yaw: float) -> Mount:
