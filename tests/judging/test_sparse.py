@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.judging.trial import winding
 
 from echogrid.config.loading import load_config
 from echogrid.judging.judge import judge
 from echogrid.judging.listening import Listener
 from echogrid.judging.recorded import RadarTrack, Recorded
+from tests.judging.trial import winding
 
 
 @pytest.fixture(scope="module")
