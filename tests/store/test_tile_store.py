@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import sqlite3
 import struct
@@ -107,6 +108,45 @@ def test_tables_numbers_and_sizes_in_the_documentation_are_those_of_a_file(tmp_p
         tile = Tile.empty(kind.layers)
         size = sum(array.nbytes for array in (tile.layers, tile.seen_s, tile.radars)) / 1024
         assert re.search(rf"{name} (takes )?{size:g} KiB", text)
+
+
+def test_a_cells_log_odds_are_what_the_documentation_makes_of_its_layers() -> None:
+    """The rule of docs/fusion.md with the numbers that stand there, a cell at a time, of the layers as docs/store.md has them."""
+    text, n = (DOCS / "fusion.md").read_text(), r"(−?[\d.]+)"
+
+    def told(pattern: str) -> list[float]:
+        found = re.search(pattern, text)
+        assert found, pattern
+        return [float(number.replace("−", "-")) for number in found.groups()]
+
+    passed, none = told(rf"free    = ln\({n} p \+ {n}\)")
+    share, least, most = told(rf"prior   = clip\({n} z, {n}, {n}\) − free")
+    hit, of_hits = told(rf"inside  = prior \+ ln\({n} h \+ {n}\)")
+    near, beside_none, doubt, slope = told(rf"beside  = prior \+ ln\({n} v \+ {n}\),  what of it exceeds {n} counts by {n}")
+    steep, alone_from, enough = told(rf"alone   = min\({n} z \+ {n}, {n}\) − free")
+    (surer,) = told(rf"what of it is below −2.2 counts {n} times")
+    assert math.log(0.1 / 0.9) == pytest.approx(doubt, abs=0.01)  # "−2.2 is p = 0.1"
+    doubt = math.log(0.1 / 0.9)
+
+    rng = np.random.default_rng(3)
+    layers = rng.uniform(0.0, 20.0, (5, 8, 50)).astype(np.float32) * (rng.uniform(size=(5, 8, 50)) < 0.7)
+    layers[0] = rng.normal(0.0, 4.0, (8, 50)) * layers[1]
+    a, b = 1.3, 0.2
+    found = LookMap(GridSpec(32, 0.25), Calibration(a, b)).read(layers)
+    for i, j in np.ndindex(8, 50):
+        s, w, h, v, p = (float(value) for value in layers[:, i, j])
+        if not any((s, w, h, v, p)):
+            assert found[i, j] == 0
+            continue
+        z = a * s / w + b if w else 0.0
+        free = math.log(passed * p + none)
+        prior = min(max(share * z, least), most) - free
+        inside, beside = prior + math.log(hit * h + of_hits), prior + math.log(near * v + beside_none)
+        beside = doubt + slope * (beside - doubt) if beside > doubt else beside
+        alone = math.exp(2 * (min(steep * z + alone_from, enough) - free)) if w else 0.0
+        log_odds = 0.5 * math.log(math.exp(2 * inside) + math.exp(2 * beside) + alone)
+        log_odds = doubt + surer * (log_odds - doubt) if log_odds < doubt else log_odds
+        assert found[i, j] == pytest.approx(log_odds, abs=1e-3)
 
 
 @pytest.mark.parametrize("kind", [LookMap, OccupancyMap])
