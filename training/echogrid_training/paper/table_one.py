@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from echogrid.core.messages import Floats
 from echogrid_training.learning.loss import CLASSES, Weighting
 from echogrid_training.learning.recipe import Sensor
-from echogrid_training.learning.resampling import interval, resamples
 from echogrid_training.paper.autoencoders import PAPERS, Autoencoder
+from echogrid_training.resampling import interval, resamples
 
 SCHEMES = {"inverse": "inverse class ratio", "independent": "independent class MSE"}
 KINDS = ("ternary", "soft")

@@ -17,7 +17,7 @@ from echogrid_training.evaluation.simulated.tally import (
     summed,
     tally,
 )
-from echogrid_training.learning.resampling import interval, resamples
+from echogrid_training.resampling import interval, resamples
 from echogrid_training.truth.ground_truth import soft, ternary
 
 SIDE = 24

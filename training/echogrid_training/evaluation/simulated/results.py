@@ -16,7 +16,7 @@ from echogrid_training.evaluation.simulated.learned import Key
 from echogrid_training.evaluation.simulated.maps import ELFES, TUNED
 from echogrid_training.evaluation.simulated.patches import STRATA
 from echogrid_training.evaluation.simulated.tally import Tally, by_stratum, figures, resampled, summed
-from echogrid_training.learning.resampling import interval, resamples
+from echogrid_training.resampling import interval, resamples
 
 REFERENCE = {"patch": "Elfes, 15 m", "around": ELFES, "finished": ELFES}  # what others are compared with, town by town
 
