@@ -153,8 +153,8 @@ def test_coarse_times_are_said(tmp_path: Path, step: float, messages: list[can.M
     data = recorded.joined(recorded.candump(coarse))
     printed, said = checked(tmp_path, "a.log", data, capsys)
     assert re.search(r"^speed +(9\d|100|101|15\d)\.\d Hz", printed, re.MULTILINE)  # 100 Hz, of 3 s or of the 2 s that are left
-    for said in (said, replayed(tmp_path, "a.log", data)):
-        assert f"its times are too coarse: they go on in steps of {step:g} s" in said
+    for one in (said, replayed(tmp_path, "a.log", data)):
+        assert f"its times are too coarse: they go on in steps of {step:g} s" in one
 
 
 @pytest.mark.parametrize("name", ["a.log", "a.csv", "a.blf"])

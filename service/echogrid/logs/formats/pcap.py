@@ -233,5 +233,5 @@ def _frame(packet: bytes, stamp: float, channel: str | int | None, account: Acco
         return None
     account.remote += remote
     account.errors += failed
-    data = bytearray() if remote else bytearray(packet[8 : 8 + length])
+    data = b"" if remote else packet[8 : 8 + length]
     return Frame(stamp, identifier, extended, remote, failed, channel, length, data, fd, True, fd and flags & 1 != 0, fd and flags & 2 != 0)

@@ -11,7 +11,7 @@ import zstandard
 
 from echogrid.logs.formats.account import Account
 
-CHUNK = 1 << 16  # bytes
+CHUNK = 1 << 19  # bytes
 LONGEST_LINE = 1 << 16  # bytes
 PIECE = 512  # bytes of zstd that are unpacked at once: no more than 16 MiB can come of them
 WINDOW = 64 << 20  # bytes that zstd may look back

@@ -6,20 +6,21 @@ import re
 from binascii import unhexlify
 from collections.abc import Iterator
 from datetime import UTC, datetime
-from itertools import repeat, starmap
+from functools import partial
+from itertools import repeat
+
+import numpy as np
 
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.frame import Frame
 from echogrid.logs.formats.stream import Stream
 from echogrid.logs.formats.times import END_OF_TIME
+from echogrid.logs.text.by_shape import Parser
+from echogrid.logs.text.shapes import Shape
 
 ERROR, EXTENDED = 0x20000000, 0x1FFFFFFF
-FLAGS = {"": 0} | {digit: int(digit, 16) for digit in "0123456789ABCDEFabcdef"}  # behind ##; none for a classic frame
-SWITCHING, PASSIVE = ({digit: flags & bit != 0 for digit, flags in FLAGS.items()} for bit in (1, 2))
-_FRAME = re.compile(rb"\s*\(\d{1,10}\.\d{1,9}\)\s+\S{1,64}\s+[0-9A-Fa-f]{3,8}#(?:#[0-9A-Fa-f])?[0-9A-Fa-f]*(?:\s+[RrTt])?\s*")
-_NO_DIGITS = str.maketrans("", "", "0123456789")
-MOST_PLAIN = 512  # bytes of a line
-_ID = re.compile("[0-9A-Fa-f]{3,8}")
+MARK = ord("#")
+_BEGINS = re.compile(rb"\s*\(")
 _TIME = rb"\s*\(\s*([\d.: -]{3,40})\)\s+"
 _ODD_FRAME = re.compile(  # what one writes less often: dots between bytes, remote frames, the length code of more than 8 bytes, a date
     _TIME + rb"(\S{1,64})\s+([0-9A-Fa-f]{3,8})#(#[0-9A-Fa-f])?(?:([Rr])([0-8]?)|([0-9A-Fa-f.]*))(?:_[9A-Fa-f])?(?:\s+([RrTt]))?\s*"
@@ -34,81 +35,50 @@ _DATED = re.compile(r"(\d{4}-\d{2}-\d{2} \d{2}:\d{2}:\d{2})\.(\d{1,9})")
 
 def read(stream: Stream, account: Account) -> Iterator[list[Frame]]:
     """The frames, in groups. An id of more than three digits has 29 bits."""
-    codes: dict[str, int] = {}  # ids by their digits: there are few
+    parser = Parser(_plain, partial(_other, account=account), _BEGINS, marks=b" #")
     for first, lines in stream.lines():
-        frames = _plain(lines, codes)
-        yield _mixed(first, lines, codes, account) if frames is None else frames
+        yield parser.frames(first, lines)
 
 
-def _mixed(first: int, lines: list[bytes], codes: dict[str, int], account: Account) -> list[Frame]:
-    """Runs of plain lines, and what lies between them."""
-    frames: list[Frame] = []
-    run: list[bytes] = []
-    for number, line in enumerate(lines, first):
-        if _FRAME.fullmatch(line) and len(line) < MOST_PLAIN:
-            run.append(line)
-            continue
-        frames += _run(number - len(run), run, codes, account)
-        run = []
-        if (frame := _other(line, number, account)) is not None:
-            frames.append(frame)
-    return frames + _run(first + len(lines) - len(run), run, codes, account)
-
-
-def _run(first: int, lines: list[bytes], codes: dict[str, int], account: Account) -> list[Frame]:
-    frames = _plain(lines, codes)
-    if frames is not None:
-        return frames
-    frames = []
-    for number, line in enumerate(lines, first):
-        one = _plain([line], codes)
-        if one is None and (other := _other(line, number, account)) is not None:
-            one = [other]
-        frames += one or []
-    return frames
-
-
-def _plain(lines: list[bytes], codes: dict[str, int]) -> list[Frame] | None:
-    """The frames of lines that are all plain data frames, column by column; None where one may be something else."""
-    words = b"\n".join(lines).decode("latin-1").split()
-    step = len(words) // max(len(lines), 1)
-    if not words:
-        return [] if not lines else None
-    if step not in (3, 4) or len(words) != step * len(lines):
-        return None
-    times, names, frames = words[0::step], words[1::step], words[2::step]
-    ways = words[3::4] if step == 4 else []
-    if "".join(times).translate(_NO_DIGITS) != "(.)" * len(lines) or set(ways) - {"R", "T", "r", "t"}:
-        return None
-    identifiers, marks, tails = zip(*[frame.partition("#") for frame in frames], strict=True)
-    if set(marks) != {"#"}:
-        return None
-    for digits in set(identifiers) - codes.keys():
-        if not _ID.fullmatch(digits) or int(digits, 16) > EXTENDED:
-            return None
-        codes[digits] = int(digits, 16)
-    try:
-        stamps = list(map(float, "".join(times)[1:-1].split(")(")))
-        flags = [tail[1:2] or "?" if tail[:1] == "#" else "" for tail in tails]
-        fd, switch, state = list(map(bool, flags)), list(map(SWITCHING.__getitem__, flags)), list(map(PASSIVE.__getitem__, flags))
-        data = [bytearray.fromhex(tail[2:] if flexible else tail) for tail, flexible in zip(tails, fd, strict=True)]
-    except (ValueError, KeyError):
-        return None
-    lengths = list(map(len, data))
-    if max(stamps) >= END_OF_TIME or max(lengths) > 64 or (max(lengths) > 8 and _too_long(lengths, fd)):
-        return None
+def _plain(shape: Shape) -> Iterator[Frame]:
+    """(time) channel id#data, or id##flags data, and perhaps R or T. Raises ValueError, IndexError for what is written less often."""
+    begin, end = shape.words[2]
+    mark = shape.letters[0].tobytes().find(b"#", begin, end)
+    flexible = bool(shape.letters[0, mark + 1 : mark + 2] == MARK)
+    at = mark + 1 + 2 * flexible
+    size, odd = divmod(end - at, 2)
+    if mark < 0 or odd or not 0 <= size <= (64 if flexible else 8) or len(shape.words) > 4:
+        raise ValueError("no plain frame")
+    opening, closing = shape.words[0]
+    if (shape.letters[:, opening] != ord("(")).any() or (shape.letters[:, closing - 1] != ord(")")).any():
+        raise ValueError("no time")
+    digits = mark - begin
+    columns = shape._replace(words=[(opening + 1, closing - 1), (begin, mark), (mark + 2, mark + 3)])
+    stamps, codes = columns.decimals(0), columns.digits(1, 16)
+    if not 3 <= digits <= 8 or codes.max() > EXTENDED or stamps.max() >= END_OF_TIME:
+        raise ValueError("an error frame, or no frame")
+    data = shape.bytes_at(at, size, 2) if size else [b""] * len(stamps)
+    flags = columns.digits(2, 16) if flexible else np.zeros(len(stamps), np.int64)
+    received = shape.is_letter(3, "R", "T").tolist() if len(shape.words) == 4 else repeat(True)
     no: Iterator[bool] = repeat(False)
-    received = [way in "Rr" for way in ways] if ways else repeat(True)
-    extended = [len(digits) > 3 for digits in identifiers]
-    columns = (stamps, map(codes.__getitem__, identifiers), extended, no, no, names, lengths, data, fd, received, switch, state)
-    return list(starmap(Frame, zip(*columns)))  # noqa: B905  # some columns have no end
+    bits = ((flags & bit != 0).tolist() for bit in (1, 2))
+    return map(
+        Frame,
+        stamps.tolist(),
+        codes.tolist(),
+        repeat(digits > 3),
+        no,
+        no,
+        shape.texts(1),
+        repeat(size),
+        data,
+        repeat(flexible),
+        received,
+        *bits,
+    )
 
 
-def _too_long(lengths: list[int], fd: list[bool]) -> bool:
-    return any(length > 8 and not flexible for length, flexible in zip(lengths, fd, strict=True))
-
-
-def _other(line: bytes, number: int, account: Account) -> Frame | None:
+def _other(line: bytes, number: int, *, account: Account) -> Frame | None:
     """A line that is no plain data frame: what it is, or what the account is told of it."""
     text = line.strip()
     if not text:
@@ -168,7 +138,7 @@ def _message(time: bytes, channel: bytes, identifier: bytes, remote: bool, data:
     account.remote += remote
     account.errors += failed
     name = channel.decode("ascii", "backslashreplace")
-    return Frame(stamp, code & EXTENDED, len(identifier) > 3, remote, failed, name, len(data), bytearray(data))
+    return Frame(stamp, code & EXTENDED, len(identifier) > 3, remote, failed, name, len(data), data)
 
 
 def _stamp(text: str) -> float:
