@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 from unittest import mock
 
 import can
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -19,7 +19,7 @@ from echogrid.errors import EchogridError
 from echogrid.logs.formats.frame import Frame
 from echogrid.logs.log import Log
 from echogrid.logs.text import by_shape
-from echogrid.logs.text.shapes import shapes
+from echogrid.logs.text.shapes import Shape, shapes
 
 pytestmark = pytest.mark.hypothesis
 WRITERS: dict[str, Callable[[list[can.Message]], list[str]]] = {
@@ -100,15 +100,14 @@ def test_every_line_is_of_one_shape_at_most_and_numbers_are_pythons(words: list[
         for word in range(len(shape.words)):
             texts = list(shape.texts(word))
             assert texts == [words[line].split()[word] for line in shape.lines.tolist()]
-            with np.errstate(all="raise"):
-                for read_as, by_python in (
-                    (shape.digits, int),
-                    (lambda w: shape.digits(w, 16), lambda t: int(t, 16)),
-                    (shape.decimals, float),
-                ):
-                    try:
-                        found = read_as(word).tolist()
-                    except ValueError:
-                        continue
-                    assert found == [by_python(text) for text in texts]
+            for read_as, by_python in (
+                (Shape.digits, int),
+                (partial(Shape.digits, base=16), partial(int, base=16)),
+                (Shape.decimals, float),
+            ):
+                try:
+                    found = read_as(shape, word).tolist()
+                except ValueError:
+                    continue
+                assert found == [by_python(text) for text in texts]
     assert len(seen) == len(set(seen))
