@@ -27,6 +27,7 @@ FILES: dict[str, Callable[[], list[bytes]]] = {  # as pieces between which a sou
     "a.trc": lambda: [line.encode() + b"\n" for line in recorded.trc(BOTH)],
     "v11.trc": lambda: [line.encode() + b"\r\n" for line in recorded.trc(MOTION, "1.1")],
     "g.csv": lambda: [line.encode() + b"\n" for line in recorded.gvret(BOTH)],
+    "p.csv": lambda: [line.encode() + b"\r\n" for line in recorded.python_can_csv(BOTH)],
     "a.blf": lambda: recorded.blf(OBJECTS, START, 300),
     "stored.blf": lambda: recorded.blf(OBJECTS, START, 300, packed=False),
     "plain.blf": lambda: [recorded.blf([], START)[0], *OBJECTS],  # without containers
@@ -108,7 +109,7 @@ END = b"\x00\x00"
 @settings(max_examples=40)
 def test_junk_between_lines_costs_no_frame(folder: Path, name: str, data: st.DataObject) -> None:
     pieces = FILES[name]()
-    first = 1 if name == "g.csv" else 8 if name.endswith(".trc") else 0
+    first = 1 if name.endswith(".csv") else 8 if name.endswith(".trc") else 0
     filled = [*pieces]
     for _ in range(data.draw(st.integers(1, 3))):
         filled.insert(data.draw(st.integers(first, len(pieces))), data.draw(lines_of_junk))
@@ -162,6 +163,19 @@ def test_what_is_before_a_tear_in_a_packed_file_is_read(folder: Path, ending: st
     damaged[-2 if ending == ".gz" else len(packed) // 2] ^= 0xFF
     _, said = count_and_words(folder / f"b.log{ending}", bytes(damaged))
     assert said
+
+
+@given(share=st.floats(0.05, 0.999))
+@settings(max_examples=25)
+def test_a_torn_database_is_said(folder: Path, share: float) -> None:
+    whole = folder / "whole.db"
+    if not whole.exists():
+        recorded.by_python_can(whole, BOTH * 40)
+    data = whole.read_bytes()
+    frames, said = count_and_words(folder / "torn.db", data[: round(share * len(data))])
+    assert frames < len(BOTH) * 40
+    assert "torn.db: " in said
+    assert "\n" not in said
 
 
 def test_memory_does_not_grow_with_the_file(tmp_path: Path) -> None:
