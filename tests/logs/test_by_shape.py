@@ -39,6 +39,13 @@ ODD = st.one_of(
             "(1.5) can0 123#11.22",
             "(1600000000.123456789) can0 123#1122",
             "(1.5) vcan10 00000123#11 T",
+            "(1.5) can0 123#R8_9 X",
+            "(1.5) can0 20000004##10004",
+            " (1.5)  can0  20000004   [9]  00 04",
+            " (1.5)  can0  123   [12]  remote request",
+            " (1.5)  can0  123   [99]  remote request",
+            "   0.250000 1  FFFFFF          Rx   r 8",
+            "      1         0.500 RR 1     0100 Rx -  x",
             "   0.250000 1  Statistic: D 0 R 0",
             "   0.250000 CANFD   1 Rx        311  Name  1 0 f 64 " + "00 " * 64 + " 130000 130 303000 0 0 0 0 0",
             "   0.250000 CANFD   1 Rx        311        0 0 2  2 01 02  130000 130 200000 0 0 0 0 0",
@@ -61,10 +68,12 @@ def read(path: Path, few: int) -> tuple[list[tuple[Any, ...]], str, object]:
     found: list[tuple[Any, ...]] = []
     with mock.patch.object(by_shape, "FEW", few):
         try:
-            for message in log:
+            for message in log:  # those before an error count as well
                 found.append(tuple(getattr(message, name) for name in Frame.__struct_fields__))
         except EchogridError as error:
             said = str(error)
+    frames_by_kind = sum(frame[3] for frame in found), sum(frame[4] for frame in found)
+    assert (log.account.remote, log.account.errors) == frames_by_kind
     return found, said, (log.account, log.messages, log.times.first, log.times.last)
 
 

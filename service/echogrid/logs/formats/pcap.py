@@ -183,7 +183,7 @@ class _Blocks:
         for at in (np.flatnonzero(may[1:]) + 1).tolist():
             for order in "<>":
                 code, size = struct.unpack_from(order + "II", data, at)
-                if _is_block(code) and 12 <= size and (at + size > len(data) or data[at + size - 4 : at + size] == data[at + 4 : at + 8]):
+                if _is_block(code) and size >= 12 and (at + size > len(data) or data[at + size - 4 : at + size] == data[at + 4 : at + 8]):
                     return int(at)
         return max(len(may), 1)
 

@@ -54,7 +54,7 @@ def read(stream: Stream, account: Account) -> Iterator[list[Frame]]:
 
 def _any(line: bytes, number: int, head: _Head) -> Frame | None:
     try:
-        return _classic(line, head) or _fd(line, head) or _other(line, head)
+        return head.account.kind(_classic(line, head) or _fd(line, head) or _other(line, head))
     except ValueError:
         head.account.line(number, line)
     return None
@@ -137,7 +137,6 @@ def _classic(line: bytes, head: _Head) -> Frame | None:
     remote = kind in b"rR"
     if code is None and not remote:
         raise ValueError("no length")
-    head.account.remote += remote
     return Frame(
         stamp,
         _id(identifier, extended, head.base),
@@ -165,7 +164,6 @@ def _fd(line: bytes, head: _Head) -> Frame | None:
     flags = int(tail[2], 16) if len(tail) == 3 and tail[2].isalnum() else EDL
     dlc = int(code, head.base)
     remote = (length == 0 and dlc > 0 and not flags & EDL) or flags & REMOTE != 0
-    head.account.remote += remote
     return Frame(
         stamp,
         _id(identifier, extended, head.base),
@@ -231,7 +229,6 @@ def _other(line: bytes, head: _Head) -> Frame | None:
 def _on_channel(stamp: float, channel: int, text: bytes, account: Account) -> Frame | None:
     lower = text.lower()
     if lower.startswith(b"errorframe"):
-        account.errors += 1
         return error_frame(stamp, channel)
     if lower.startswith(b"statistic"):
         account.others["bus statistics"] += 1

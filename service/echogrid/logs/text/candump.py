@@ -92,19 +92,19 @@ def _other(line: bytes, number: int, *, account: Account) -> Frame | None:
         account.others["CAN XL frames"] += 1
     else:
         try:
-            return _written(line, account) or _shown(line, account)
+            return account.kind(_written(line) or _shown(line))
         except ValueError:
             account.line(number, line)
     return None
 
 
-def _written(line: bytes, account: Account) -> Frame | None:
+def _written(line: bytes) -> Frame | None:
     found = _ODD_FRAME.fullmatch(line)
     if found is None:
         return None
     time, channel, identifier, fd, remote, length, payload, way = found.groups()
     data = unhexlify((payload or b"").replace(b".", b""))
-    frame = _message(time, channel, identifier, remote is not None, data, account)
+    frame = _message(time, channel, identifier, remote is not None, data)
     if remote is not None:
         frame.dlc = int(length or b"0")
     if fd is not None:
@@ -116,27 +116,25 @@ def _written(line: bytes, account: Account) -> Frame | None:
     return frame
 
 
-def _shown(line: bytes, account: Account) -> Frame:
+def _shown(line: bytes) -> Frame:
     found = _SHOWN.fullmatch(line)
     if found is None:
         raise ValueError("no frame")
     time, channel, way, identifier, length, payload = found.groups()
     remote = payload.endswith(b"request")
     data = b"" if remote else unhexlify(b"".join(payload.split()))
-    frame = _message(time, channel, identifier, remote, data, account)
+    frame = _message(time, channel, identifier, remote, data)
     frame.dlc, frame.is_fd, frame.is_rx = int(length), len(length) == 2, way != b"TX"
     if frame.dlc > (64 if frame.is_fd else 8) or (not remote and frame.dlc != len(data)):
         raise ValueError("its length is another")
     return frame
 
 
-def _message(time: bytes, channel: bytes, identifier: bytes, remote: bool, data: bytes, account: Account) -> Frame:
+def _message(time: bytes, channel: bytes, identifier: bytes, remote: bool, data: bytes) -> Frame:
     stamp, code = _stamp(time.decode().strip()), int(identifier, 16)
     failed = len(identifier) == 8 and code & ERROR != 0 and not remote
     if code & ~EXTENDED and not failed:
         raise ValueError("no id")
-    account.remote += remote
-    account.errors += failed
     name = channel.decode("ascii", "backslashreplace")
     return Frame(stamp, code & EXTENDED, len(identifier) > 3, remote, failed, name, len(data), data)
 

@@ -38,7 +38,7 @@ def _any(line: bytes, number: int, *, head: _Head) -> Frame | None:
         head.add(text)
     elif text:
         try:
-            return _frame(text, head)
+            return head.account.kind(_frame(text, head))
         except (ValueError, IndexError):
             head.account.line(number, line)
     return None
@@ -117,7 +117,6 @@ def _frame(text: str, head: _Head) -> Frame | None:
         raise ValueError("no id")
     payload = words[at["D"]] if len(words) > at["D"] else ""
     remote = kind == "RR" or payload.upper() == "RTR"
-    head.account.remote += remote
     length = _length(words, at, kind in FD)
     data = b"" if remote else unhexlify(payload.replace(" ", "").replace("\t", ""))
     if not remote and len(data) != length:
@@ -144,6 +143,5 @@ def _length(words: list[str], at: dict[str, int], fd: bool) -> int:
 
 
 def _error(stamp: float, words: list[str], head: _Head) -> Frame:
-    head.account.errors += 1
     bus = words[head.columns["B"]] if "B" in head.columns else ""
     return error_frame(stamp, int(bus) if bus.isdigit() else None)
