@@ -6,6 +6,8 @@ import gzip
 from collections.abc import Callable
 from pathlib import Path
 
+import can
+import numpy as np
 import pytest
 import zstandard
 from hypothesis import example, given, settings
@@ -197,3 +199,21 @@ def test_memory_does_not_grow_with_the_file(tmp_path: Path) -> None:
     assert peaks[2] < 2 * peaks[0] + (1 << 20)
     assert peaks[3] < 2 * peaks[1] + (1 << 20)
     assert max(peaks) < 20 << 20
+
+
+@pytest.mark.parametrize("name", ["one.blf", "a.log.gz"])
+@given(share=st.floats(0.1, 0.95))
+@settings(max_examples=30)
+def test_what_is_before_a_wrong_bit_in_packed_data_is_read(folder: Path, name: str, share: float) -> None:
+    """Of a file that is one packed piece; payloads that no packer makes smaller, so that places in both go together."""
+    random = np.random.default_rng(0)
+    messages = [can.Message(timestamp=START + n / 1000, channel="can0", is_extended_id=False, data=random.bytes(8)) for n in range(600)]
+    if name == "one.blf":
+        data = recorded.joined(recorded.blf([recorded.blf_frame(message, START) for message in messages], START, 1 << 20))
+    else:
+        data = gzip.compress(recorded.joined(recorded.candump(messages)))
+    damaged = bytearray(data)
+    damaged[200 + round(share * (len(data) - 220))] ^= 0x10
+    frames, said = count_and_words(folder / name, bytes(damaged))
+    assert said
+    assert 600 * (share - 0.3) - 30 < frames <= 601

@@ -12,7 +12,7 @@ import numpy as np
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.blf_objects import NAME, WANTED, decode
 from echogrid.logs.formats.frame import Frame
-from echogrid.logs.formats.stream import Stream, Window
+from echogrid.logs.formats.stream import Stream, Window, inflated
 
 FILE_HEAD = struct.Struct("<4sI8xQQII8H8H")  # signature, size; sizes of file and content, objects, of them read; begin and end
 BASE = struct.Struct("<4sHHII")  # what every object begins with: signature, header's size and version, object's size and type
@@ -105,9 +105,7 @@ def _container(window: Window, walk: _Walk, account: Account, size: int) -> Iter
             if not packed:
                 break
             left -= len(packed)
-            while packed:
-                data = packed if unpacker is None else unpacker.decompress(packed, PIECE)
-                packed = b"" if unpacker is None else unpacker.unconsumed_tail
+            for data in [packed] if unpacker is None else inflated(unpacker, packed, PIECE):
                 unpacked += len(data)
                 yield from walk.add(data)
         whole = left == 0 and (unpacker is None or unpacker.eof)

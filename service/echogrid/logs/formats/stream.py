@@ -13,6 +13,7 @@ from echogrid.logs.formats.account import Account
 
 CHUNK = 1 << 19  # bytes
 LONGEST_LINE = 1 << 16  # bytes
+STEP = 32  # bytes of deflate that are unpacked at once where they break
 PIECE = 512  # bytes of zstd that are unpacked at once: no more than 16 MiB can come of them
 WINDOW = 64 << 20  # bytes that zstd may look back
 WIDE = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
@@ -51,8 +52,8 @@ class Stream:
                         self.account.tear("behind its packed data follows something else")
                         return
                     begun = bool(data)
-                yield unpacker.decompress(data, CHUNK)
-                data = unpacker.unconsumed_tail
+                yield from inflated(unpacker, data, CHUNK)
+                data = b""
                 if unpacker.eof:
                     unpacker, data, begun = zlib.decompressobj(31), unpacker.unused_data, False
         except zlib.error as error:
@@ -117,6 +118,20 @@ class Stream:
         yield decoder.decode(first[2:]).encode("utf-8", "replace")
         for chunk in chunks:
             yield decoder.decode(chunk).encode("utf-8", "replace")
+
+
+def inflated(unpacker: zlib._Decompress, data: bytes, most: int) -> Iterator[bytes]:
+    """What comes of the next bytes, `most` at once; where they are not sound, all that comes of those before, and zlib.error is raised."""
+    while data:
+        before = unpacker.copy()
+        try:
+            found = unpacker.decompress(data, most)
+        except zlib.error:
+            for at in range(0, len(data), STEP):
+                yield before.decompress(data[at : at + STEP])
+            raise
+        yield found
+        data = unpacker.unconsumed_tail
 
 
 def _zstd() -> zstandard.ZstdDecompressionObj:
