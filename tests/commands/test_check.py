@@ -152,7 +152,9 @@ def test_coarse_times_are_said(tmp_path: Path, step: float, messages: list[can.M
     coarse = [retimed(message, START + int((message.timestamp - START) / step + 1e-6) * step) for message in messages]
     data = recorded.joined(recorded.candump(coarse))
     printed, said = checked(tmp_path, "a.log", data, capsys)
-    assert re.search(r"^speed +(9\d|100|101|15\d)\.\d Hz", printed, re.MULTILINE)  # 100 Hz, of 3 s or of the 2 s that are left
+    rate = re.search(r"^speed +([\d.]+) Hz", printed, re.MULTILINE)
+    assert rate is not None
+    assert 50 < float(rate[1]) < 155  # of 100 Hz, less what waits for sound times, in 2 or 3 s
     for one in (said, replayed(tmp_path, "a.log", data)):
         assert f"its times are too coarse: they go on in steps of {step:g} s" in one
 
