@@ -101,6 +101,18 @@ def test_a_blf_cut_between_containers_says_what_its_head_promised(folder: Path) 
         assert count_and_words(folder / "killed.blf", killed + b"".join(containers)) == (len(BOTH), "")
 
 
+@pytest.mark.parametrize("name", ["a.blf", "plain.blf", "stored.blf"])
+def test_room_that_a_recorder_had_made_is_worth_a_word_alone(folder: Path, name: str) -> None:
+    data = b"".join(FILES[name]())
+    log, said = read(folder / name, data + bytes(5000))
+    assert (log.messages, said) == (total(name), "")
+    assert "zeros follow its last object" in log.account.notes[0]
+    if name == "a.blf":  # in what is not packed, zeros may be data
+        frames, said = count_and_words(folder / name, data[:-30] + bytes(5000))
+        assert frames < total(name)
+        assert said
+
+
 junk = st.binary(min_size=1, max_size=60).filter(lambda data: b"LOBJ" not in data and not data.isspace())
 lines_of_junk = st.lists(st.binary(max_size=60), min_size=1, max_size=3).map(lambda lines: b"\n".join(lines).replace(b"\r", b"?") + b"\n")
 END = b"\x00\x00"

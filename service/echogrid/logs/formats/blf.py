@@ -71,7 +71,12 @@ def _likely(header: int, size: int, kind: int) -> bool:
 
 def _step_over(window: Window, walk: _Walk, account: Account) -> None:
     at = window.at
-    skipped = len(window.take(1)) + window.skip_to(MARK)
+    zeros = skipped = window.skip_zeros()
+    if not window.fill(1) and not walk.left:
+        account.note(f"{zeros} zeros follow its last object")  # room that its recorder had made
+        return
+    if not (zeros and window.data.startswith(MARK)):
+        skipped += len(window.take(1)) + window.skip_to(MARK)
     if window.fill(1):
         account.lost(f"{skipped} bytes at byte {at}")
     elif account.torn or window.at - skipped < at:

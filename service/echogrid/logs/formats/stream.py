@@ -170,6 +170,16 @@ class Window:
             skipped += len(self.take(min(count - skipped, max(len(self.data), 1))))
         return skipped
 
+    def skip_zeros(self) -> int:
+        """Takes zeros; says how many."""
+        skipped = 0
+        while self.data or self.fill(1):
+            rest = len(self.data.lstrip(b"\0"))
+            skipped += len(self.take(len(self.data) - rest))
+            if rest:
+                break
+        return skipped
+
     def skip_to(self, mark: bytes) -> int:
         """Takes bytes up to the next mark, or to the end; says how many."""
         skipped = 0
