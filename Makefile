@@ -29,6 +29,7 @@ deb: .venv/.service
 bench: .venv/.develop
 	@echo "== bench: ratios against named references, in one run"
 	$(BIN)/python -m tests.bench
+	$(BIN)/python -m tests.bench.clients
 
 lint: .venv/.develop
 	@echo "== lint: ruff, mypy (strict for the service), and the arrows between rooms"

@@ -50,6 +50,7 @@ from echogrid.topics.grids import Grid, encode_grid
 from echogrid_training.drives import campaign
 from echogrid_training.drives.samples import samples
 from tests.bench.kernels import kernels
+from tests.bench.reading import reading
 from tests.support.frames import frame, radar_cycle
 from tests.support.places import ROOT
 
@@ -253,6 +254,7 @@ def main() -> None:
     simulation = simulating()
     alone = subprocess.run([sys.executable, "-m", "tests.bench.live", "30"], cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
     running: dict[str, float] = json.loads(alone.stdout)  # of a process that holds nothing else
+    rates = reading(find_drive(DEMO, None).log)
     reference = decoders["ours, batch"]
     print("decoding one 64-frame cycle")
     for name, value in decoders.items():
@@ -277,6 +279,9 @@ def main() -> None:
     print("simulating")
     for name, value in simulation.items():
         print(f"  {name:<56}{value:9.2f}")
+    print("reading recordings, ours and python-can")
+    for name, (ours, theirs) in rates.items():
+        print(f"  {name:<10}{ours:9.0f}{theirs:9.0f} thousand frames/s of processor time{ours / theirs:8.1f} x")
     out = ROOT / "out"
     out.mkdir(exist_ok=True)
     (out / "bench.json").write_text(
@@ -289,6 +294,7 @@ def main() -> None:
                 "models_us": costs,
                 "keep": kept,
                 "simulate": simulation,
+                "read": rates,
             },
             indent=2,
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -136,7 +137,8 @@ def test_buses_that_a_format_does_not_say_cannot_be_told_apart(
         data = recorded.by_python_can(tmp_path / name, messages).read_bytes()
         assert checked(tmp_path, f"a{name[1:]}", data, capsys)[1] == ""
         said = checked(tmp_path, f"a{name[1:]}", data, capsys, TWO_BUSES)[1]
-        assert "it does not say channels, so its buses cannot be told apart" in said
+        assert "[no_channels] the recording does not say channels, so its buses cannot be told apart" in said
+        assert said.endswith(": 1 mistakes found\n")  # nobody's frames are called missing
 
 
 def test_ids_of_another_length_are_named(tmp_path: Path, messages: list[can.Message], capsys: pytest.CaptureFixture[str]) -> None:
@@ -149,8 +151,12 @@ def test_ids_of_another_length_are_named(tmp_path: Path, messages: list[can.Mess
 def test_coarse_times_are_said(tmp_path: Path, step: float, messages: list[can.Message], capsys: pytest.CaptureFixture[str]) -> None:
     coarse = [retimed(message, START + int((message.timestamp - START) / step + 1e-6) * step) for message in messages]
     data = recorded.joined(recorded.candump(coarse))
-    for said in (checked(tmp_path, "a.log", data, capsys)[1], replayed(tmp_path, "a.log", data)):
-        assert f"its times are too coarse: they go on in steps of {step:g} s" in said
+    printed, said = checked(tmp_path, "a.log", data, capsys)
+    rate = re.search(r"^speed +([\d.]+) Hz", printed, re.MULTILINE)
+    assert rate is not None
+    assert 50 < float(rate[1]) < 155  # of 100 Hz, less what waits for sound times, in 2 or 3 s
+    for one in (said, replayed(tmp_path, "a.log", data)):
+        assert f"its times are too coarse: they go on in steps of {step:g} s" in one
 
 
 @pytest.mark.parametrize("name", ["a.log", "a.csv", "a.blf"])
@@ -161,7 +167,10 @@ def test_times_that_stand_still_are_said(
         data = FORMATS[name]([retimed(message, time) for message in messages]) if name != "a.blf" or time else b""
         if data:
             sentence = f"its times do not go on: all {len(messages)} frames are of {time:.6f} s"
-            assert sentence in checked(tmp_path, name, data, capsys)[1]
+            printed, said = checked(tmp_path, name, data, capsys)
+            assert sentence in said
+            assert re.search(r"^speed +0\.0 Hz", printed, re.MULTILINE)
+            assert printed.endswith("nothing else wrong was found\n")
             assert sentence in replayed(tmp_path, name, data)
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["summary.json"]
 
@@ -203,6 +212,7 @@ def test_what_is_no_data_frame_is_counted_by_kind(
     lines.insert(sum(message.timestamp < START + 1 for message in messages), line)
     printed, said = checked(tmp_path, "a.log", recorded.joined(lines), capsys)
     assert f"not data frames: {kind}\n" in printed
+    assert ("other ids, most" in printed) == kind.startswith("remote")
     assert said == ""
     assert count(printed) == len(messages) + kind.startswith("remote")
 

@@ -124,9 +124,9 @@ def config(data: bytes) -> None:
         Pipeline(load_config(path, "analytic"), path)
 
 
-def dbc(data: bytes) -> None:
-    """A DBC file under the shipped profiles, and the frames that it describes."""
-    path = _written("d.dbc", data)
+def dbc(data: bytes, name: str = "d.dbc") -> None:
+    """A DBC file (or one in another format) under the shipped profiles, and the frames that it describes."""
+    path = _written(name, data)
     for name in ("ars408", "corner_radar"):
         profile = FOLDER / f"{name}.toml"
         with suppress(EchogridError):
@@ -266,6 +266,9 @@ TARGETS: dict[str, Target] = {
     "frames": frames_on_the_bus,
     "config": config,
     "dbc": dbc,
+    "kcd": functools.partial(dbc, name="d.kcd"),
+    "sym": functools.partial(dbc, name="d.sym"),
+    "arxml": functools.partial(dbc, name="d.arxml"),
     "profile": profile,
     "model": model,
     "contract": contract,

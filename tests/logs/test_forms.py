@@ -10,8 +10,8 @@ import pytest
 from tests.support import recorded
 
 from echogrid.errors import EchogridError
-from echogrid.logs.formats.dates import seconds_of
 from echogrid.logs.log import Log
+from echogrid.logs.text.dates import seconds_of
 
 
 def logged(tmp_path: Path, name: str, content: str | bytes) -> Log:

@@ -45,7 +45,7 @@ def test_what_python_can_writes_reads_back(tmp_path: Path, name: str) -> None:
 
 
 def test_progress_grows(tmp_path: Path) -> None:
-    log = Log(write(tmp_path / "a.log", MESSAGES * 2000))
+    log = Log(write(tmp_path / "a.log", MESSAGES * 4000))
     seen = [log.progress for _ in log]
     assert seen == sorted(seen)
     assert 0 < seen[0] < 0.2

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from base64 import b64encode
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -111,6 +112,16 @@ def gvret(messages: Messages) -> list[str]:
         extended, way, payload = str(message.is_extended_id).lower(), "Rx" if message.is_rx else "Tx", message.data.hex(",").upper()
         time, length = round(message.timestamp * 1e6), len(message.data)
         lines.append(f"{time},{message.arbitration_id:08X},{extended},{way},{number(message) - 1},{length},{payload},")
+    return lines
+
+
+def python_can_csv(messages: Messages) -> list[str]:
+    """As python-can's CSVWriter; without channels and flags of CAN FD."""
+    lines = ["timestamp,arbitration_id,extended,remote,error,dlc,data"]
+    for message in messages:
+        flags = f"{message.is_extended_id:d},{message.is_remote_frame:d},{message.is_error_frame:d}"
+        data = b64encode(message.data).decode()
+        lines.append(f"{message.timestamp!r},0x{message.arbitration_id:x},{flags},{message.dlc},{data}")
     return lines
 
 

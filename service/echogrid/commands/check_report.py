@@ -75,15 +75,15 @@ class _Told(msgspec.Struct):
 
 
 def _timing(time: Floats) -> dict[str, float]:
-    """Samples, their rate by the median step, the longest gap, and the spread of the steps."""
+    """Samples, their rate by the median step (by all of them where times repeat), the longest gap, and the spread of the steps."""
     steps = np.diff(time)
     if not len(steps):
         return {"samples": len(time), "rate_hz": 0.0, "gap_s": 0.0, "jitter_ms": 0.0}
-    middle = float(np.median(steps))
+    middle = float(np.median(steps)) or abs(float(steps.mean()))
     spread = 1.4826e3 * float(np.median(np.abs(steps - middle)))
     return {
         "samples": len(time),
-        "rate_hz": round(1 / max(middle, 1e-9), 3),
+        "rate_hz": round(1 / middle, 3) if middle else 0.0,
         "gap_s": round(float(steps.max()), 4),
         "jitter_ms": round(spread, 3),
     }
@@ -174,5 +174,6 @@ def render(report: Report, title: str) -> str:
         lines.append(f"[{finding.code}] {finding.sentence} ({finding.confidence:.0%} sure; {finding.rests_on})")
         lines += [f"    mend: {line}" for line in fixes]
     lines += [f"not judged [{one.code}]: {one.sentence}" for one in report.judgement.undecided]
-    lines.append(f"{title}: " + (f"{len(report.findings)} mistakes found" if report.findings else "nothing wrong was found"))
+    sound = "nothing else wrong was found" if report.torn is not None or report.faults() else "nothing wrong was found"
+    lines.append(f"{title}: " + (f"{len(report.findings)} mistakes found" if report.findings else sound))
     return "\n".join(lines)

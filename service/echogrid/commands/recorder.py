@@ -39,6 +39,8 @@ class Recorder:
 
     def add(self, bus: str, message: can.Message) -> MapUpdate | None:
         """Passes the message on and notes what it did."""
+        if self.first_s is None:
+            self.epoch = self.pipeline.mapper.epoch  # a store may hold maps already
         before = time.perf_counter()
         update = self.pipeline.add(bus, message)
         if update is not None:

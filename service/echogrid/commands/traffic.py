@@ -61,7 +61,7 @@ class Traffic:
             if not fitting:
                 continue
             if channel == "":
-                said.append("it does not say channels, so its buses cannot be told apart")
+                said.append("the recording does not say channels, so its buses cannot be told apart")
                 continue
             fits = Counter(bus for bus, frame_id in missed if frame_id in fitting)
             bus = next(bus for bus in self._config.bus if bus.name == fits.most_common(1)[0][0])

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 CODES = {
     "motion_missing": "no frame of wheel speeds or yaw rate was decoded",
     "radar_missing": "no frame of the radar is in the recording",
+    "no_channels": "the recording does not say which bus a frame is of",
     "wrong_channel": "the bus's frames are on another channel of the recording",
     "wrong_bus": "the frames are on another of the configured buses",
     "wrong_id_offset": "the radar's frames have other ids",

@@ -24,6 +24,9 @@ from echogrid.judging.traffic import FrameId, Moved, Owner, judge_traffic
 SHORT = 0.5  # share of an owner's frames that are shorter than the DBC says, from which on it is the DBC
 SILENCE = 0.5  # s without a sample or scan
 SPEED, YAW_RATE = "speed", "yaw rate"
+NO_CHANNELS = Finding(
+    "no_channels", "the recording does not say channels, so its buses cannot be told apart", 0.0, "", 0.99, "channels of its frames"
+)
 
 
 class Listener:
@@ -35,6 +38,7 @@ class Listener:
         self.health = Health()
         self.reader = SignalReader(config, source, self.health)
         self.heard: Counter[tuple[str, FrameId]] = Counter()
+        self.nameless = 0  # frames of no channel, where several buses are configured
         self.short: Counter[str] = Counter()  # frames that are too short, by owner
         self.owned: Counter[str] = Counter()  # frames, by owner
         self.motion: list[EgoMotion] = []
@@ -53,8 +57,12 @@ class Listener:
                 self.channels[bus].append(str(channel))
         bus = self._known[channel]
         frame_id = (message.arbitration_id, message.is_extended_id)
+        if message.is_error_frame:  # no sender's
+            return bus
         if bus is not None or channel not in (None, ""):
             self.heard[str(channel), frame_id] += 1
+        else:
+            self.nameless += 1
         owner = self._lengths.get((bus or "", frame_id))
         if owner is not None:
             self.owned[owner[0]] += 1
@@ -73,6 +81,8 @@ class Listener:
     def judged(self) -> tuple[Judgement, list[Finding], Mender]:
         """What Doppler says; all findings, those of traffic and counters first; and who knows their fixes."""
         recorded = self.recorded()
+        if self.nameless and not self.heard:
+            return judge(recorded, {}), [NO_CHANNELS], self.mender
         about_traffic, moved = judge_traffic(self.owners, self.heard, self.channels)
         about_traffic += self._lengths_and_counters(recorded, {name for one in about_traffic for name in (*one.radars, one.subject)}, moved)
         settings = {radar.name: f"{radar.profile} {radar.dbc}" for radar in self.config.radar}

@@ -220,6 +220,7 @@ SAYS = {
     "range_rate_scale": "the DBC's scale of the range rates is another than the sensor's; take the DBC of its version",
     "byte_order": "in the DBC: @0 (Motorola) and @1 (Intel) after the signal's bits, and its start bit",
     "checksum": "in the profile: the algorithm of crc, or the DBC",
+    "no_channels": "record in a format that has channels (docs/recordings.md), or one bus a file",
     "wrong_length": "the DBC is another version's",
     "blocked": "clean the radar, look what is before it, and whether it is on",
     "blocked_sector": "look what is before the radar",

@@ -11,11 +11,12 @@ import can
 
 from echogrid.errors import EchogridError
 from echogrid.files import meant
-from echogrid.logs.formats import asc, blf, candump, csv_log, library, pcap, trc
+from echogrid.logs.formats import blf, library, pcap
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.frame import Frame, as_messages
 from echogrid.logs.formats.stream import Stream
 from echogrid.logs.formats.times import Times, settled
+from echogrid.logs.text import asc, candump, csv_log, trc
 
 Reader = Callable[[Stream, Account], Iterator[list[Frame]]]
 OURS: dict[str, Reader] = {
@@ -72,8 +73,7 @@ class Log:
             with self._raw:
                 for group in self._groups():
                     self.times.add(group)
-                    for message in group:
-                        self.messages += 1
+                    for self.messages, message in enumerate(group, self.messages + 1):  # noqa: B020  # counts on
                         yield message
         except (EchogridError, GeneratorExit):
             raise

@@ -21,7 +21,7 @@ from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.map.look_map import Calibration
 from echogrid.errors import EchogridError
 from echogrid.model.network import OnnxSensorModel
-from echogrid_training.learning import fit, train
+from echogrid_training.learning import fit, judging, train
 from echogrid_training.learning.dataset import Samples, joined
 from echogrid_training.learning.loss import Weighting
 from echogrid_training.learning.recipe import Network
@@ -64,7 +64,7 @@ def test_the_default_network_learns_too(data: tuple[Samples, Samples], unet: tup
     assert sum(trained.shares) == pytest.approx(1.0)
     assert trained.shares[2] == pytest.approx(np.mean(data[0].labels > 0))
     way = trained.recipe()
-    output, labels = next(train.inferred(way, trained.model(), data[1]))
+    output, labels = next(judging.inferred(way, trained.model(), data[1]))
     log_odds = way.log_odds(output).numpy()
     assert log_odds[labels > 0].mean() > log_odds[labels < 0].mean() + 2.0
     losses = [line["loss"] for line in log(out)]
@@ -83,7 +83,7 @@ def test_errors_are_pooled_over_samples_whatever_the_batches(data: tuple[Samples
     """By numpy, all pixels at once, from the network's own answers."""
     trained = load_trained(whole / "model.pt")
     way, model = trained.recipe(), trained.model()
-    answers = np.concatenate([way.label(output).numpy() for output, _ in train.inferred(way, model, data[1], size=3)])
+    answers = np.concatenate([way.label(output).numpy() for output, _ in judging.inferred(way, model, data[1], size=3)])
     figures = train.judge(way, model, data[1])
     for kind, label in (("ternary", np.sign(data[1].labels)), ("soft", data[1].labels / 127)):
         for name, value in (("free", -1), ("unknown", 0), ("occupied", 1)):

@@ -18,8 +18,9 @@ from echogrid.model.network import KEY, OnnxSensorModel
 from echogrid_training import cli
 from echogrid_training.evaluation.recorded.drive import hear
 from echogrid_training.learning.dataset import SURE, UNJUDGED, Samples, ternary
+from echogrid_training.learning.judging import held_out_loss
 from echogrid_training.learning.recipe import Default, shares
-from echogrid_training.learning.train import Settings, fit, held_out_loss
+from echogrid_training.learning.train import Settings, fit
 from echogrid_training.own import fine_tuning
 from echogrid_training.own import half as half_module
 from echogrid_training.own import patches as patches_module

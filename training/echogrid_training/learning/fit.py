@@ -64,7 +64,7 @@ def add_choices(parser: argparse.ArgumentParser, l2: str) -> None:
 
 def run(options: argparse.Namespace, track: Track = untracked) -> str:
     """Trains, judges, exports; returns the figures as a table in Markdown. Raises EchogridError."""
-    from echogrid_training.learning import export, train, warm_start
+    from echogrid_training.learning import export, judging, train, warm_start
 
     learned, held_out = split(find_drives(options.drives))
     samples, validation = (load_drives(drives, track, disturbed=True, workers=options.workers) for drives in (learned, held_out))
@@ -84,11 +84,11 @@ def run(options: argparse.Namespace, track: Track = untracked) -> str:
         learned_file = export.export(trained, options.out / "learned", calibration)[0]
         trained = replace(trained, weights=warm_start.between(options.start, learned_file, options.keep, validation))
     way, model = trained.recipe(), trained.model()
-    rows = [_row("validation", len(held_out), len(validation), train.judge(way, model, validation))]
+    rows = [_row("validation", len(held_out), len(validation), judging.judge(way, model, validation))]
     if options.test is not None:
         tested = find_drives(options.test)
         test = load_drives(tested, track, workers=options.workers)
-        rows.append(_row("test", len(tested), len(test), train.judge(way, model, test)))
+        rows.append(_row("test", len(tested), len(test), judging.judge(way, model, test)))
     paths = export.export(trained, options.out, calibration, calibrating(validation) if options.network == "default" else None)
     if options.network == "default":
         calibration = calibrate_map(some(held_out, MAPPED), paths[0], track)

@@ -13,7 +13,6 @@ import json
 import math
 import pickle
 import time
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -26,8 +25,9 @@ from torch.utils.tensorboard import SummaryWriter
 from echogrid.errors import EchogridError
 from echogrid_training.learning.autoencoder import decayed, squared
 from echogrid_training.learning.best import Best
-from echogrid_training.learning.dataset import Samples, soft, ternary
-from echogrid_training.learning.loss import Weighting, calibrate, class_mse, class_sums
+from echogrid_training.learning.dataset import Samples, ternary
+from echogrid_training.learning.judging import held_out_loss, inferred, judge
+from echogrid_training.learning.loss import Weighting, calibrate
 from echogrid_training.learning.ranks import Ranks, joined_ranks
 from echogrid_training.learning.recipe import Default, Kind, Network, Paper, Recipe, Sensor, shares
 from echogrid_training.recording import Track, untracked
@@ -236,40 +236,6 @@ def follow(average: nn.Module, model: nn.Module, keep: float) -> None:
             slow.lerp_(fast, 1 - keep)
         else:
             slow.copy_(fast)  # how many batches were seen
-
-
-def judge(recipe: Recipe, model: nn.Module, samples: Samples) -> dict[str, dict[str, float]]:
-    """Class MSE, pooled over all pixels: 'ternary' against labels -1, 0 and 1 as in the paper's Table I, 'soft' against tanh(L / 2)."""
-    return {name: class_mse(total) for name, total in errors(recipe, model, samples).items()}
-
-
-def errors(recipe: Recipe, model: nn.Module, samples: Samples) -> dict[str, Tensor]:
-    """What `judge` is made of: loss.class_sums of all samples, which add up over towns."""
-    sums = {"ternary": torch.zeros(2, 3, dtype=torch.float64), "soft": torch.zeros(2, 3, dtype=torch.float64)}
-    for output, labels in inferred(recipe, model, samples):
-        answer = recipe.label(output)
-        for name, label in (("ternary", ternary(labels)), ("soft", soft(labels))):
-            sums[name] += class_sums(answer, torch.from_numpy(label))
-    return sums
-
-
-def held_out_loss(way: Recipe, model: nn.Module, samples: Samples) -> float:
-    """Sum over samples."""
-    total = 0.0
-    for first, (output, labels) in enumerate(inferred(way, model, samples, 1)):
-        total += float(way.loss(output, way.shown(samples.chosen(np.arange(first, first + len(labels))))[1]))
-    return total
-
-
-@torch.inference_mode()
-def inferred(recipe: Recipe, model: nn.Module, samples: Samples, size: int = 64) -> Iterator[tuple[Tensor, np.ndarray]]:
-    """Outputs and stored labels (n, 128, 128) of all samples, in order."""
-    model.eval()
-    device = next(model.parameters()).device
-    for start in range(0, len(samples), size):
-        some = samples.chosen(np.arange(start, min(start + size, len(samples))))
-        image, _ = recipe.shown(some)
-        yield model(image.to(device)).float().cpu(), some.labels
 
 
 def thinned(samples: Samples, count: int) -> Samples:

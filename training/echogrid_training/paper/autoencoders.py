@@ -14,9 +14,10 @@ import numpy as np
 from echogrid.core.evidence.raster import Image
 from echogrid.core.messages import Floats
 from echogrid_training.learning.dataset import Samples
+from echogrid_training.learning.judging import errors, inferred
 from echogrid_training.learning.loss import Weighting
 from echogrid_training.learning.recipe import Sensor
-from echogrid_training.learning.train import LOG, MODEL, Settings, Trained, errors, fit, inferred
+from echogrid_training.learning.train import LOG, MODEL, Settings, Trained, fit
 from echogrid_training.recording import Track
 
 PAPERS: Mapping[tuple[Sensor, Weighting], tuple[float, float]] = {  # Table I: MSE of free and of occupied cells

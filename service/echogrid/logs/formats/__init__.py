@@ -1,1 +1,1 @@
-"""How each format of a recording becomes CAN frames, with an account of every line or object that did not."""
+"""What in a file is a frame? Binary formats, and what all formats share: frames, times, the account of every byte."""

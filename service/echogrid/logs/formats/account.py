@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 
+from echogrid.logs.formats.frame import Frame
+
 MOST_SHOWN = 60  # characters of a line that was not understood
 
 
@@ -19,6 +21,13 @@ class Account:
     first_odd: str = ""  # where the first of them is, and its beginning
     torn: str = ""  # how the file ends before its end
     notes: list[str] = field(default_factory=list)
+
+    def kind(self, frame: Frame | None) -> Frame | None:
+        """The same frame, counted where it is no data frame."""
+        if frame is not None:
+            self.remote += frame.is_remote_frame
+            self.errors += frame.is_error_frame
+        return frame
 
     def line(self, number: int, text: bytes) -> None:
         """A line that was not understood; lines count from 1."""

@@ -12,7 +12,7 @@ import numpy as np
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.blf_objects import NAME, WANTED, decode
 from echogrid.logs.formats.frame import Frame
-from echogrid.logs.formats.stream import Stream, Window
+from echogrid.logs.formats.stream import Stream, Window, inflated
 
 FILE_HEAD = struct.Struct("<4sI8xQQII8H8H")  # signature, size; sizes of file and content, objects, of them read; begin and end
 BASE = struct.Struct("<4sHHII")  # what every object begins with: signature, header's size and version, object's size and type
@@ -20,10 +20,12 @@ CONTAINER = struct.Struct("<H6xI4x")  # method, unpacked size
 IN_CONTAINER, STORED, DEFLATED = 10, 0, 2
 MARK = b"LOBJ"
 _BASE = np.dtype([("mark", "<u4"), ("header", "<u2"), ("version", "<u2"), ("size", "<u4"), ("kind", "<u4")])
-_MARK, _WANTED = int.from_bytes(MARK, "little"), np.array(sorted(WANTED))
+_MARK = int.from_bytes(MARK, "little")
 PIECE = 1 << 17  # bytes that are unpacked at once
+BATCH = 1 << 19  # bytes of objects that are decoded at once
 MOST_BYTES = 1 << 20  # of an object that holds a frame
 MOST_SKIPPED, LAST_KIND = 1 << 28, 1 << 10  # of any object; what is more is none
+_WANTED = np.isin(np.arange(LAST_KIND + 1), sorted(WANTED))
 
 
 def read(stream: Stream, account: Account) -> Iterator[list[Frame]]:
@@ -39,16 +41,18 @@ def read(stream: Stream, account: Account) -> Iterator[list[Frame]]:
         at = window.at
         signature, header, _, size, kind = BASE.unpack_from(window.data)
         if signature != MARK or not _likely(header, size, kind):
+            yield from walk.rest()
             _step_over(window, walk, account)
         elif kind == IN_CONTAINER:
             yield from _container(window, walk, account, size)
             window.skip(size % 4)
         else:
-            yield from walk.add(window.take(min(size, MOST_BYTES)))
-            missing = size - min(size, MOST_BYTES)
-            if window.skip(missing) < missing or walk.left:
+            whole = min(size, MOST_BYTES)
+            yield from walk.add(taken := window.take(whole))
+            if len(taken) + window.skip(size - whole) < size:
                 account.tear(f"its last object, at byte {at}, is torn")
             window.skip(size % 4)
+    yield from walk.rest()
     if window.data.strip(b"\0"):
         account.tear(f"{len(window.data)} bytes follow its last whole object")
     if walk.left and not account.odd:
@@ -67,7 +71,12 @@ def _likely(header: int, size: int, kind: int) -> bool:
 
 def _step_over(window: Window, walk: _Walk, account: Account) -> None:
     at = window.at
-    skipped = len(window.take(1)) + window.skip_to(MARK)
+    zeros = skipped = window.skip_zeros()
+    if not window.fill(1) and not walk.left:
+        account.note(f"{zeros} zeros follow its last object")  # room that its recorder had made
+        return
+    if not (zeros and window.data.startswith(MARK)):
+        skipped += len(window.take(1)) + window.skip_to(MARK)
     if window.fill(1):
         account.lost(f"{skipped} bytes at byte {at}")
     elif account.torn or window.at - skipped < at:
@@ -88,6 +97,7 @@ def _container(window: Window, walk: _Walk, account: Account, size: int) -> Iter
     method, promised = CONTAINER.unpack_from(head, BASE.size)
     unpacker = zlib.decompressobj() if method == DEFLATED else None
     if method not in (STORED, DEFLATED):
+        yield from walk.rest()
         account.lost(f"a container of {size} bytes at byte {at}, packed by the unknown method {method}")
         walk.doubted = True
         window.skip(left)
@@ -100,17 +110,18 @@ def _container(window: Window, walk: _Walk, account: Account, size: int) -> Iter
             if not packed:
                 break
             left -= len(packed)
-            while packed:
-                data = packed if unpacker is None else unpacker.decompress(packed, PIECE)
-                packed = b"" if unpacker is None else unpacker.unconsumed_tail
+            for data in [packed] if unpacker is None else inflated(unpacker, packed, PIECE):
                 unpacked += len(data)
                 yield from walk.add(data)
         whole = left == 0 and (unpacker is None or unpacker.eof)
     except zlib.error:
         pass
+    short = unpacker is not None and promised not in (0, unpacked)
+    if not whole or short:
+        yield from walk.rest()
     if not whole and left and not window.fill(1):
         account.tear(f"its last container, at byte {at}, is torn")
-    elif not whole or (promised and unpacked != promised and unpacker is not None):
+    elif not whole or short:
         account.lost(f"a container of {size} bytes at byte {at}, which cannot be unpacked to its end")
         walk.doubted = True
         found = window.data.find(MARK)
@@ -127,25 +138,32 @@ class _Walk:
         self.start = start  # s since 1970
         self.objects = 0
         self._data = bytearray()
+        self._due = BATCH  # bytes that are waited for
         self._skip = 0  # bytes of an object that nobody wants
         self.doubted = False  # what comes next may not continue what came before
 
     @property
     def left(self) -> int:
-        """Bytes of an object that has no end yet."""
+        """Bytes of an object that has no end yet; after `rest`."""
         return len(self._data) if self._data.strip(b"\0") else 0
 
     def add(self, data: bytes | bytearray) -> Iterator[list[Frame]]:
-        """The frames that end in this piece."""
+        """The frames that end in this piece and in those before it, once they are many."""
         if self.doubted:
             self._join(data)
         if self._skip:
             step = min(self._skip, len(data))
             self._skip -= step
             data = data[step:]
-        data = self._data + data
+        self._data += data
+        if len(self._data) >= self._due:
+            yield from self.rest()
+
+    def rest(self) -> Iterator[list[Frame]]:
+        """The frames that end in all pieces so far."""
+        data = self._data
         places, kinds, at = _chain(data) or self._walk(data)
-        wanted = np.isin(kinds, _WANTED)
+        wanted = _WANTED[kinds]
         if not wanted.all():
             for kind, count in zip(*np.unique(kinds[~wanted], return_counts=True), strict=True):
                 self.account.others[NAME.get(int(kind), "objects of other kinds")] += int(count)
@@ -154,6 +172,7 @@ class _Walk:
         if len(places):
             yield decode(data, places, kinds, self.start, self.account)
         self._data = data[at:]
+        self._due = len(self._data) + BATCH
 
     def _walk(self, data: bytearray) -> tuple[np.ndarray, np.ndarray, int]:
         """Places and kinds of the objects, one after the other, and where the last one ends; what is none is told."""
@@ -197,7 +216,9 @@ def _chain(data: bytearray) -> tuple[np.ndarray, np.ndarray, int] | None:
     if len(data) < 2 * BASE.size:
         return None
     words = (np.frombuffer(data, "<u4", (len(data) - shift) // 4, shift) for shift in range(4))
-    places = np.sort(np.concatenate([np.flatnonzero(of_shift == _MARK) * 4 + shift for shift, of_shift in enumerate(words)]))
+    marks = [np.flatnonzero(of_shift == _MARK) * 4 + shift for shift, of_shift in enumerate(words)]
+    some = [of_shift for of_shift in marks if len(of_shift)]
+    places = some[0] if len(some) == 1 else np.sort(np.concatenate(marks))
     while len(places) and places[-1] > len(data) - BASE.size:
         places = places[:-1]
     if not len(places) or places[0] > 3:

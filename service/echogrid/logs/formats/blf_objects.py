@@ -11,6 +11,7 @@ from can.util import dlc2len
 
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.frame import Frame
+from echogrid.logs.formats.pieces import pieces
 from echogrid.logs.formats.times import END_OF_TIME
 
 EXTENDED = 0x80000000
@@ -54,10 +55,9 @@ def decode(data: bytearray, places: np.ndarray, kinds: np.ndarray, start: float,
     stamps = heads["stamp"] / unit + start
     begins = places + heads["header"]
     rooms = heads["size"].astype(np.int64) - heads["header"]
-    sound = np.isin(heads["version"], (1, 2)) & (heads["header"] >= _HEAD.itemsize) & (stamps < END_OF_TIME)
-    frames: list[Frame] = []
-    order: list[np.ndarray] = []  # of the objects that these are
-    for kind in np.unique(kinds).tolist():
+    sound = ((heads["version"] == 1) | (heads["version"] == 2)) & (heads["header"] >= _HEAD.itemsize) & (stamps < END_OF_TIME)
+    frames, told = np.empty(len(places), object), np.zeros(len(places), bool)
+    for kind in np.flatnonzero(np.bincount(kinds)).tolist():
         body = BODIES[kind]
         mine = np.flatnonzero(sound & (kinds == kind) & (rooms >= body.itemsize))
         begin = begins[mine]
@@ -67,15 +67,16 @@ def decode(data: bytearray, places: np.ndarray, kinds: np.ndarray, start: float,
         if not columns.sound.all():
             kept = columns.sound
             mine, begin, columns = mine[kept], begin[kept], _Columns(*(column[kept] for column in columns))
-        frames += _frames(data, kind, stamps[mine], begin + body.itemsize, columns)
-        order.append(mine)
+        frames[mine] = np.fromiter(_frames(data, kind, stamps[mine], begin + body.itemsize, columns), object, len(mine))
+        told[mine] = True
         account.errors += len(mine) if kind in ERRORS else 0
         account.remote += int(columns.remote.sum())
-    indices = np.concatenate(order)
-    if len(indices) < len(places):
-        for index in np.setdiff1d(np.arange(len(places)), indices).tolist():
+    if not told.all():
+        for index in np.flatnonzero(~told).tolist():
             account.lost(f"an object of kind {kinds[index]}, {places[index]} bytes into what its container holds")
-    return frames if len(order) == 1 else list(map(frames.__getitem__, np.argsort(indices).tolist()))
+        frames = frames[told]
+    found: list[Frame] = frames.tolist()
+    return found
 
 
 def _records(data: bytearray, at: np.ndarray, kind: np.dtype) -> np.ndarray:
@@ -134,10 +135,10 @@ def _columns(kind: int, body: np.ndarray, before: np.ndarray, room: np.ndarray) 
 
 
 def _frames(data: bytearray, kind: int, stamps: np.ndarray, begin: np.ndarray, columns: _Columns) -> Iterator[Frame]:
-    payloads = [data[first:last] for first, last in zip(begin.tolist(), (begin + columns.there).tolist(), strict=True)]
-    odd = columns.remote | (columns.there < columns.length)
+    payloads = pieces(data, begin, np.where(columns.remote, 0, columns.there))
+    odd = ~columns.remote & (columns.there < columns.length)
     for index in np.flatnonzero(odd).tolist() if odd.any() else ():
-        payloads[index] = bytearray() if columns.remote[index] else payloads[index].ljust(int(columns.length[index]), b"\0")
+        payloads[index] = payloads[index].ljust(int(columns.length[index]), b"\0")
     is_error: Iterator[bool] = repeat(kind in ERRORS)
     lists = [column.tolist() for column in columns[:5]]
     flags = (columns.is_fd, columns.received, columns.switch, columns.state)

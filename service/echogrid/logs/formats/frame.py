@@ -22,7 +22,7 @@ class Frame(msgspec.Struct, eq=False, gc=False):
     is_error_frame: bool
     channel: str | int | None
     dlc: int
-    data: bytearray
+    data: bytes
     is_fd: bool = False
     is_rx: bool = True
     bitrate_switch: bool = False
@@ -31,7 +31,7 @@ class Frame(msgspec.Struct, eq=False, gc=False):
 
 def error_frame(stamp: float, channel: str | int | None, code: int = 0, data: bytes = b"") -> Frame:
     """What a controller says about its bus; its id is a set of flags."""
-    return Frame(stamp, code, True, False, True, channel, len(data), bytearray(data))
+    return Frame(stamp, code, True, False, True, channel, len(data), data)
 
 
 def as_messages(frames: list[Frame]) -> list[can.Message]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import sqlite3
+import sys
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -30,11 +32,26 @@ def read_mf4(path: Path, account: Account) -> Iterator[list[can.Message]]:
     import asammdf  # type: ignore[import-not-found,unused-ignore]  # nobody else needs it
 
     account.note(f"it was read by asammdf {asammdf.__version__}, which does not say what it leaves out")
-    reader = can.MF4Reader(path)
+    reader = _mf4(path)
     try:
         yield from _grouped(_with_ids(reader), account)
     finally:
         reader.stop()
+
+
+def _mf4(path: Path) -> can.MF4Reader:
+    """Raises ValueError where asammdf does not take the file; what it then says of its half-made objects is nobody's business."""
+    hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
+    try:
+        why = ""
+        try:
+            return can.MF4Reader(path)
+        except Exception as error:  # of struct, lxml, and its own
+            why = f"{error}" or type(error).__name__
+        gc.collect()
+        raise ValueError(f"asammdf does not read it, it may be torn: {why}")
+    finally:
+        sys.unraisablehook = hook
 
 
 def _with_ids(reader: can.MF4Reader) -> Iterator[can.Message]:

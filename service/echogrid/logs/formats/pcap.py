@@ -6,6 +6,9 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.frame import Frame
 from echogrid.logs.formats.stream import Stream, Window
@@ -18,6 +21,7 @@ SECTION, INTERFACE, SIMPLE, ENHANCED = 0x0A0D0D0A, 1, 3, 6
 BLOCKS = {4: "names", 5: "statistics", 10: "secrets", 2: "packets of an old form"}
 MOST_BYTES = 1 << 18  # of a packet or a block
 LONGEST = 2080  # bytes of a packet, one of CAN XL
+STEP = 1 << 12  # bytes that are looked through at once where something was lost
 GROUP = 256  # frames
 YEAR = 366 * 86400.0
 
@@ -53,25 +57,26 @@ def _pcap(window: Window, account: Account) -> Iterator[Frame]:
     link = struct.unpack(order + "I", head[20:])[0] & 0x0FFFFFFF
     if link != SOCKETCAN:
         raise ValueError(f"its link type is {link}, expected {SOCKETCAN} (SocketCAN)")
-    record, lost, lost_at, newest = struct.Struct(order + "IIII"), 0, 0, 0.0
+    record, lost, lost_at, newest, run = struct.Struct(order + "IIII"), 0, 0, 0.0, 0
     while window.fill(record.size):
         seconds, fraction, size, whole = record.unpack_from(window.data)
-        stamp, there = seconds + fraction / unit, Account()
-        window.fill(record.size + min(size, LONGEST) + record.size)
-        packet = bytes(window.data[record.size : record.size + size])
-        likely = size <= whole and size <= LONGEST and fraction < unit and stamp < END_OF_TIME
+        stamp, there, packet = seconds + fraction / unit, Account(), b""
+        likely = size <= whole and size <= LONGEST and fraction < unit and stamp < END_OF_TIME and (not lost or size == whole)
+        if likely:
+            window.fill(record.size + size + record.size)
+            packet = bytes(window.data[record.size : record.size + size])
         if likely and len(packet) < size and not lost:
             break
         frame = _frame(packet, stamp, None, there) if likely else None
-        near = abs(stamp - newest) < YEAR if newest else not lost
-        if frame is None or not (near or (not (lost and newest) and _goes_on(window.data[record.size + size :], record, unit, stamp))):
+        near = abs(stamp - newest) < YEAR if run else not lost
+        if frame is None or not (near or ((not lost or run < 2) and _goes_on(window.data, record.size + size, record, unit, stamp))):
             lost_at = lost_at if lost else window.at
-            lost += len(window.take(1))
+            lost += len(window.take(_unlikely(window, order, unit, newest if run > 1 else 0.0)))
             continue
         if lost:
             account.lost(f"{lost} bytes at byte {lost_at}")
             lost = 0
-        newest = stamp
+        newest, run = stamp, run + 1 if near else 1
         window.take(record.size + size)
         if isinstance(frame, str):
             account.others[frame] += 1
@@ -83,11 +88,26 @@ def _pcap(window: Window, account: Account) -> Iterator[Frame]:
         account.tear(f"{lost + len(window.data)} bytes follow its last whole packet")
 
 
-def _goes_on(data: bytearray, record: struct.Struct, unit: float, stamp: float) -> bool:
-    """Whether another packet may begin here, not too far in time from the one before."""
-    if len(data) < record.size:
+def _unlikely(window: Window, order: str, unit: float, newest: float) -> int:
+    """How many of the next bytes no packet begins at; `newest`: s, of the one before, 0 for none."""
+    window.fill(STEP)
+    words = _words(window.data[:STEP], order)
+    seconds, fraction, size, whole = (words[at : len(words) - 12 + at] for at in (0, 4, 8, 12))
+    may = (size == whole) & (size <= LONGEST) & (fraction < unit) & (np.abs(seconds - newest) < (YEAR if newest else END_OF_TIME))
+    found = np.flatnonzero(may[1:])
+    return int(found[0]) + 1 if len(found) else max(len(may), 1)
+
+
+def _words(data: bytearray, order: str) -> NDArray[np.int64]:
+    """The 32-bit words that begin at each byte."""
+    return np.ndarray(max(len(data) - 3, 0), f"{order}u4", bytes(data), strides=(1,)).astype(np.int64)
+
+
+def _goes_on(data: bytearray, at: int, record: struct.Struct, unit: float, stamp: float) -> bool:
+    """Whether another packet may begin there, not too far in time from the one before."""
+    if len(data) < at + record.size:
         return False
-    seconds, fraction, size, whole = record.unpack_from(data)
+    seconds, fraction, size, whole = record.unpack_from(data, at)
     return bool(size <= whole and size <= LONGEST and fraction < unit and abs(seconds - stamp) < YEAR)
 
 
@@ -120,7 +140,7 @@ class _Blocks:
                     if not self._another(rest):
                         break
                 lost_at = lost_at if lost else window.at
-                lost += len(window.take(1))
+                lost += len(window.take(self._unlikely()))
                 continue
             if lost:
                 account.lost(f"{lost} bytes at byte {lost_at}")
@@ -150,8 +170,22 @@ class _Blocks:
             self.order = order
         size = int(struct.unpack_from(self.order + "I", self.window.data, 4)[0])
         code = struct.unpack_from(self.order + "I", self.window.data)[0]
-        known = code in (SECTION, INTERFACE, SIMPLE, ENHANCED, *BLOCKS) or code & 0x80000000 or code in (0xBAD, 0x40000BAD)
-        return size if 12 <= size <= MOST_BYTES and size % 4 == 0 and known else 0
+        return size if 12 <= size <= MOST_BYTES and size % 4 == 0 and _is_block(code) else 0
+
+    def _unlikely(self) -> int:
+        """How many of the next bytes no block begins at, in either byte order."""
+        self.window.fill(STEP)
+        data = self.window.data[: STEP + MOST_BYTES]
+        may = np.zeros(max(min(len(data), STEP) - 7, 0), np.bool_)
+        for order in "<>":
+            size = _words(data[:STEP], order)[4:]
+            may |= (size >= 12) & (size <= MOST_BYTES) & (size % 4 == 0)
+        for at in (np.flatnonzero(may[1:]) + 1).tolist():
+            for order in "<>":
+                code, size = struct.unpack_from(order + "II", data, at)
+                if _is_block(code) and size >= 12 and (at + size > len(data) or data[at + size - 4 : at + size] == data[at + 4 : at + 8]):
+                    return int(at)
+        return max(len(may), 1)
 
     def _another(self, rest: bytes) -> bool:
         """Whether a whole block lies in what is left: then the size of this one was junk."""
@@ -205,6 +239,11 @@ class _Blocks:
         self.interfaces.append(found)
 
 
+def _is_block(code: int) -> bool:
+    """Whether it is a kind of block that there is; those above are anyone's own."""
+    return code in (SECTION, INTERFACE, SIMPLE, ENHANCED, *BLOCKS, 0xBAD, 0x40000BAD) or code & 0x80000000 != 0
+
+
 def _told(packet: bytes, stamp: float, channel: str | int | None, account: Account) -> Frame | None:
     """A packet's frame; what is none is told to the account."""
     frame = _frame(packet, stamp, channel, account)
@@ -224,7 +263,7 @@ def _frame(packet: bytes, stamp: float, channel: str | int | None, account: Acco
     if length & 0x80:
         return "CAN XL frames"
     fd = bool(flags & 4) or len(packet) == 72 or length > 8
-    if length > (64 if fd else 8) or (not code & RTR and len(packet) < 8 + length):
+    if length > (64 if fd else 8) or len(packet) > (72 if fd else 16) or (not code & RTR and len(packet) < 8 + length):
         return None
     remote, failed = bool(code & RTR) and not code & ERR and not fd, bool(code & ERR)
     extended = bool(code & EFF) or failed
@@ -233,5 +272,5 @@ def _frame(packet: bytes, stamp: float, channel: str | int | None, account: Acco
         return None
     account.remote += remote
     account.errors += failed
-    data = bytearray() if remote else bytearray(packet[8 : 8 + length])
+    data = b"" if remote else packet[8 : 8 + length]
     return Frame(stamp, identifier, extended, remote, failed, channel, length, data, fd, True, fd and flags & 1 != 0, fd and flags & 2 != 0)

@@ -11,8 +11,9 @@ import zstandard
 
 from echogrid.logs.formats.account import Account
 
-CHUNK = 1 << 16  # bytes
+CHUNK = 1 << 19  # bytes
 LONGEST_LINE = 1 << 16  # bytes
+STEP = 32  # bytes of deflate that are unpacked at once where they break
 PIECE = 512  # bytes of zstd that are unpacked at once: no more than 16 MiB can come of them
 WINDOW = 64 << 20  # bytes that zstd may look back
 WIDE = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
@@ -51,8 +52,8 @@ class Stream:
                         self.account.tear("behind its packed data follows something else")
                         return
                     begun = bool(data)
-                yield unpacker.decompress(data, CHUNK)
-                data = unpacker.unconsumed_tail
+                yield from inflated(unpacker, data, CHUNK)
+                data = b""
                 if unpacker.eof:
                     unpacker, data, begun = zlib.decompressobj(31), unpacker.unused_data, False
         except zlib.error as error:
@@ -119,6 +120,20 @@ class Stream:
             yield decoder.decode(chunk).encode("utf-8", "replace")
 
 
+def inflated(unpacker: zlib._Decompress, data: bytes, most: int) -> Iterator[bytes]:
+    """What comes of the next bytes, `most` at once; where they are not sound, all that comes of those before, and zlib.error is raised."""
+    while data:
+        before = unpacker.copy()
+        try:
+            found = unpacker.decompress(data, most)
+        except zlib.error:
+            for at in range(0, len(data), STEP):
+                yield before.decompress(data[at : at + STEP])
+            raise
+        yield found
+        data = unpacker.unconsumed_tail
+
+
 def _zstd() -> zstandard.ZstdDecompressionObj:
     return zstandard.ZstdDecompressor(max_window_size=WINDOW).decompressobj()
 
@@ -153,6 +168,16 @@ class Window:
         skipped = 0
         while skipped < count and (self.data or self.fill(1)):
             skipped += len(self.take(min(count - skipped, max(len(self.data), 1))))
+        return skipped
+
+    def skip_zeros(self) -> int:
+        """Takes zeros; says how many."""
+        skipped = 0
+        while self.data or self.fill(1):
+            rest = len(self.data.lstrip(b"\0"))
+            skipped += len(self.take(len(self.data) - rest))
+            if rest:
+                break
         return skipped
 
     def skip_to(self, mark: bytes) -> int:

@@ -5,42 +5,43 @@ from __future__ import annotations
 import re
 from binascii import unhexlify
 from collections.abc import Iterator
-
-from can.util import dlc2len
+from functools import partial
 
 from echogrid.logs.formats.account import Account
-from echogrid.logs.formats.dates import seconds_of, seconds_of_days
 from echogrid.logs.formats.frame import Frame, error_frame
 from echogrid.logs.formats.stream import Stream
 from echogrid.logs.formats.times import END_OF_TIME
+from echogrid.logs.text.by_shape import Parser
+from echogrid.logs.text.dates import seconds_of, seconds_of_days
+from echogrid.logs.text.trc_plain import FD, length_of, plain
 
 COLUMNS = {"1.0": "NOILD", "1.1": "NOdILD", "1.2": "NOBdILD", "1.3": "NOBdIRLD", "2.0": "NOTIdlD", "2.1": "NOTBIdRLD"}
-FD = {"FD": (False, False), "FB": (True, False), "FE": (True, True), "BI": (False, True)}  # bit rate switch, error state
 NO_FRAMES = {"ST": "states of the controller", "EC": "error counters", "EV": "events", "WARNG": "states of the controller"}
 _OFFSET = re.compile(r"\d{1,13}(?:[.,]\d{1,6})?")
+_HEAD, _NO_HEAD = re.compile(rb"\s*;"), re.compile(rb"\s*\d")
 _SAID = re.compile(r";\s*\$?(FILEVERSION|STARTTIME|COLUMNS|Start time)\s*[=:](.*)", re.IGNORECASE)
 
 
 def read(stream: Stream, account: Account) -> Iterator[list[Frame]]:
     """The frames, in groups; channels as the file numbers them, from 1, or None where it has no column for them."""
     head = _Head(account)
+    parser = Parser(
+        lambda shape: plain(shape, head.columns, head.start), partial(_any, head=head), _NO_HEAD, _HEAD, lambda: head.columns != {}
+    )
     for first, lines in stream.lines():
-        frames = []
-        for number, line in enumerate(lines, first):
-            text = line.decode("latin-1").strip()
-            if text.startswith(";"):
-                head.add(text)
-                continue
-            if not text:
-                continue
-            try:
-                frame = _frame(text, head)
-            except (ValueError, IndexError):
-                account.line(number, line)
-            else:
-                if frame is not None:
-                    frames.append(frame)
-        yield frames
+        yield parser.frames(first, lines)
+
+
+def _any(line: bytes, number: int, *, head: _Head) -> Frame | None:
+    text = line.decode("latin-1").strip()
+    if text.startswith(";"):
+        head.add(text)
+    elif text:
+        try:
+            return head.account.kind(_frame(text, head))
+        except (ValueError, IndexError):
+            head.account.line(number, line)
+    return None
 
 
 class _Head:
@@ -116,9 +117,8 @@ def _frame(text: str, head: _Head) -> Frame | None:
         raise ValueError("no id")
     payload = words[at["D"]] if len(words) > at["D"] else ""
     remote = kind == "RR" or payload.upper() == "RTR"
-    head.account.remote += remote
     length = _length(words, at, kind in FD)
-    data = bytearray() if remote else bytearray(unhexlify(payload.replace(" ", "").replace("\t", "")))
+    data = b"" if remote else unhexlify(payload.replace(" ", "").replace("\t", ""))
     if not remote and len(data) != length:
         raise ValueError("its length is another")
     switch, state = FD.get(kind, (False, False))
@@ -139,12 +139,9 @@ def _frame(text: str, head: _Head) -> Frame | None:
 
 
 def _length(words: list[str], at: dict[str, int], fd: bool) -> int:
-    """Bytes: `l` counts them, `L` is the code for them, which is the same up to 8."""
-    length = int(words[at["l"]]) if "l" in at else dlc2len(int(words[at["L"]]))
-    return length if fd else min(length, 8)
+    return length_of(int(words[at["l" if "l" in at else "L"]]), "l" in at, fd)
 
 
 def _error(stamp: float, words: list[str], head: _Head) -> Frame:
-    head.account.errors += 1
     bus = words[head.columns["B"]] if "B" in head.columns else ""
     return error_frame(stamp, int(bus) if bus.isdigit() else None)

@@ -5,20 +5,18 @@ from __future__ import annotations
 import re
 from binascii import unhexlify
 from collections.abc import Iterator
-from contextlib import suppress
-from itertools import count
+from functools import partial
 
 from can.util import dlc2len
 
 from echogrid.logs.formats.account import Account
-from echogrid.logs.formats.dates import seconds_of
 from echogrid.logs.formats.frame import Frame, error_frame
 from echogrid.logs.formats.stream import Stream
 from echogrid.logs.formats.times import END_OF_TIME
+from echogrid.logs.text.asc_plain import EDL, EXTENDED, REMOTE, plain
+from echogrid.logs.text.by_shape import Parser
+from echogrid.logs.text.dates import seconds_of
 
-EXTENDED = 0x1FFFFFFF
-EDL, REMOTE = 0x1000, 0x10  # among the flags of a CANFD line
-BITS, WAYS = {"0": False, "1": True}, {"Rx": True, "Tx": False}
 _TIME, _ID = rb"\s*(\d{1,10}[.,]\d{1,9})\s+", rb"([0-9A-F]{1,10})(x?)\s+"
 _CLASSIC = re.compile(_TIME + rb"(\d{1,3})\s+" + _ID + rb"(Rx|Tx)\s+([dr])(?:\s+([0-9A-F]{1,2}))?(?:\s+(.*))?", re.IGNORECASE)
 _FD = re.compile(
@@ -26,6 +24,7 @@ _FD = re.compile(
     re.IGNORECASE,
 )
 _EVENT = re.compile(rb"\s*(-?\d{1,10}[.,]\d{1,9})\s+(.*)")
+_TIMED, _SAYS_WHEN = re.compile(rb"\s*\d"), re.compile(rb"\s*(base|date|begin)\b", re.IGNORECASE)
 _ON_CHANNEL = re.compile(rb"(?:CANFD\s+)?(\d{1,3})\s+(?:(Rx|Tx)\s+)?(.*)", re.IGNORECASE)
 _REQUEST = re.compile(rb"\S+\s+TxRq\b.*|TxRq\b.*", re.IGNORECASE)
 _HEAD = re.compile(rb"base\s+(hex|dec)(?:\s+timestamps\s+(absolute|relative))?", re.IGNORECASE)
@@ -48,72 +47,17 @@ BUSES = (  # how events of other buses begin
 def read(stream: Stream, account: Account) -> Iterator[list[Frame]]:
     """The frames, in groups; channels as the file numbers them, from 1. Relative times count from the line before, whatever it is."""
     head = _Head(account)
-    known = _Known()
+    parser = Parser(lambda shape: plain(shape, head.origin), partial(_any, head=head), _TIMED, _SAYS_WHEN, lambda: head.plain, head.newest)
     for first, lines in stream.lines():
-        frames = []
-        for number, line, text in zip(count(first), lines, b"\n".join(lines).decode("latin-1").split("\n"), strict=False):
-            frame = _quick(text, head, known) if head.plain else None
-            try:
-                frame = frame or _classic(line, head) or _fd(line, head) or _other(line, head)
-            except ValueError:
-                account.line(number, line)
-            else:
-                if frame is not None:
-                    frames.append(frame)
-        yield frames
+        yield parser.frames(first, lines)
 
 
-class _Known:
-    """Remembers what words of hexadecimal files mean: there are few, and looking up is faster than finding out."""
-
-    def __init__(self) -> None:
-        self.ids: dict[str, tuple[int, bool]] = {}  # and whether it has 29 bits
-        self.numbers: dict[str, int] = {str(number): number for number in range(65)}
-        self.flags: dict[str, bool] = {}  # of a CANFD line: whether it is one of CAN FD with data
-
-    def add(self, digits: str, flags: str | None) -> None:
-        """Raises ValueError."""
-        extended = digits[-1:] in "xX"
-        self.ids[digits] = _id(digits.rstrip("xX").encode(), b"x" if extended else b"", 16), extended
-        if flags is not None:
-            self.flags[flags] = int(flags, 16) & (EDL | REMOTE) == EDL
-
-
-def _quick(text: str, head: _Head, known: _Known) -> Frame | None:
-    """The frame of a line as most are: hexadecimal, with data; None for any other, which need not be wrong."""
-    words = text.split(None, 6)
-    if len(words) < 7:
-        return None
-    digits, flags = "", None
+def _any(line: bytes, number: int, head: _Head) -> Frame | None:
     try:
-        if words[4] == "d":
-            time, channel, digits, way, _, length, rest = words
-            size = known.numbers[length]
-            fd = switch = state = False
-            if size > 8:
-                return None
-        elif words[1] == "CANFD":
-            time, _, channel, way, digits, brs, rest = words
-            esi, _, length, rest = rest.split(None, 3)
-            size, fd, switch, state = known.numbers[length], True, BITS[brs], BITS[esi]
-            flags = rest[3 * size :].split(None, 3)[2]
-            if not known.flags[flags]:
-                return None
-        else:
-            return None
-        code, extended = known.ids[digits]
-        data, stamp = bytearray.fromhex(rest[: 3 * size - 1] if size else ""), float(time) + head.origin
-        if len(data) != size or rest[3 * size - 1 : 3 * size].strip() or not 0 <= stamp < END_OF_TIME:
-            return None
-        frame = Frame(stamp, code, extended, False, False, known.numbers[channel], size, data, fd, WAYS[way], switch, state)
-    except KeyError:
-        with suppress(ValueError):
-            known.add(digits, flags)
-        return None
-    except (ValueError, IndexError):
-        return None
-    head.seen = time
-    return frame
+        return head.account.kind(_classic(line, head) or _fd(line, head) or _other(line, head))
+    except ValueError:
+        head.account.line(number, line)
+    return None
 
 
 class _Head:
@@ -134,6 +78,10 @@ class _Head:
     def plain(self) -> bool:
         """Whether times can be taken as they stand, and digits are hexadecimal."""
         return not self.relative and self._block is None and self.base == 16
+
+    def newest(self, frame: Frame) -> None:
+        """Of those whose times were taken as they stand."""
+        self.seen = f"{frame.timestamp - self.origin:.9f}"
 
     def stamp(self, text: bytes) -> float:
         """A line's time in seconds. Raises ValueError where it cannot be one."""
@@ -189,7 +137,6 @@ def _classic(line: bytes, head: _Head) -> Frame | None:
     remote = kind in b"rR"
     if code is None and not remote:
         raise ValueError("no length")
-    head.account.remote += remote
     return Frame(
         stamp,
         _id(identifier, extended, head.base),
@@ -198,7 +145,7 @@ def _classic(line: bytes, head: _Head) -> Frame | None:
         False,
         int(channel),
         length,
-        bytearray() if remote else _data(rest or b"", length, head.base),
+        b"" if remote else _data(rest or b"", length, head.base),
         False,
         way in (b"Rx", b"rx", b"RX"),
     )
@@ -217,7 +164,6 @@ def _fd(line: bytes, head: _Head) -> Frame | None:
     flags = int(tail[2], 16) if len(tail) == 3 and tail[2].isalnum() else EDL
     dlc = int(code, head.base)
     remote = (length == 0 and dlc > 0 and not flags & EDL) or flags & REMOTE != 0
-    head.account.remote += remote
     return Frame(
         stamp,
         _id(identifier, extended, head.base),
@@ -241,16 +187,16 @@ def _id(identifier: bytes, extended: bytes, base: int) -> int:
     return code
 
 
-def _data(rest: bytes, length: int, base: int) -> bytearray:
+def _data(rest: bytes, length: int, base: int) -> bytes:
     """Raises ValueError unless so many bytes stand there."""
     if base == 16:
         packed = rest[: 3 * length - 1].replace(b" ", b"") if length else b""
         if len(packed) == 2 * length and rest[3 * length - 1 : 3 * length] in (b" ", b""):
-            return bytearray(unhexlify(packed))
+            return unhexlify(packed)
     words = rest.split(None, length)[:length]
     if len(words) < length or (base == 16 and any(len(word) > 2 for word in words)):
         raise ValueError("bytes are missing")
-    return bytearray(int(word, base) for word in words)
+    return bytes(int(word, base) for word in words)
 
 
 def _other(line: bytes, head: _Head) -> Frame | None:
@@ -283,7 +229,6 @@ def _other(line: bytes, head: _Head) -> Frame | None:
 def _on_channel(stamp: float, channel: int, text: bytes, account: Account) -> Frame | None:
     lower = text.lower()
     if lower.startswith(b"errorframe"):
-        account.errors += 1
         return error_frame(stamp, channel)
     if lower.startswith(b"statistic"):
         account.others["bus statistics"] += 1

@@ -66,7 +66,7 @@ def _plain(lines: list[bytes], codes: dict[str, int]) -> list[Frame] | None:
         codes[digits] = int(digits, 16)
     try:
         stamps = list(map(float, words[0::7]))
-        payloads = [bytearray(a2b_base64(word, strict_mode=True)) if word else bytearray() for word in words[6::7]]
+        payloads = [a2b_base64(word, strict_mode=True) if word else b"" for word in words[6::7]]
         sizes = list(map(LENGTHS.__getitem__, words[5::7]))
     except (ValueError, KeyError):
         return None
@@ -101,7 +101,7 @@ def _python_can(line: bytes, account: Account) -> Frame | None:
     if found is None:
         return None
     time, identifier, extended, remote, error, dlc, payload = found.groups()
-    stamp, code, length, data = float(time), int(identifier, 16), int(dlc), bytearray(b64decode(payload, validate=True))
+    stamp, code, length, data = float(time), int(identifier, 16), int(dlc), b64decode(payload, validate=True)
     if stamp >= END_OF_TIME or code > EXTENDED or len(data) > 64:
         return None
     failed, asked = error == b"1", remote == b"1"
@@ -123,7 +123,7 @@ def _gvret(line: bytes, account: Account) -> Frame | None:
     code, length = int(identifier, 16) & ~0x80000000, int(count)
     wide = extended.lower() in (b"true", b"1")
     words = rest.split(b",")[1 : 1 + length]
-    data = bytearray(unhexlify(b"".join(word.zfill(2) for word in words)))
+    data = unhexlify(b"".join(word.zfill(2) for word in words))
     if stamp >= END_OF_TIME or code > (EXTENDED if wide else 0x7FF) or not length == len(data) <= 64 or b"" in words:
         return None
     channel = f"can{int(bus)}"

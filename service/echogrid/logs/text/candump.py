@@ -1,0 +1,151 @@
+"""Logs of can-utils (`candump -l`, `-L`), and what candump shows on a terminal where it was asked for times."""
+
+from __future__ import annotations
+
+import re
+from binascii import unhexlify
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from functools import partial
+from itertools import repeat
+
+import numpy as np
+
+from echogrid.logs.formats.account import Account
+from echogrid.logs.formats.frame import Frame
+from echogrid.logs.formats.stream import Stream
+from echogrid.logs.formats.times import END_OF_TIME
+from echogrid.logs.text.by_shape import Parser
+from echogrid.logs.text.shapes import Shape
+
+ERROR, EXTENDED = 0x20000000, 0x1FFFFFFF
+MARK = ord("#")
+_BEGINS = re.compile(rb"\s*\(")
+_TIME = rb"\s*\(\s*([\d.: -]{3,40})\)\s+"
+_ODD_FRAME = re.compile(  # what one writes less often: dots between bytes, remote frames, the length code of more than 8 bytes, a date
+    _TIME + rb"(\S{1,64})\s+([0-9A-Fa-f]{3,8})#(#[0-9A-Fa-f])?(?:([Rr])([0-8]?)|([0-9A-Fa-f.]*))(?:_[9A-Fa-f])?(?:\s+([RrTt]))?\s*"
+)
+_SHOWN = re.compile(
+    _TIME + rb"(\S{1,64})\s+(?:([RT]X)\s+\S+\s+\S+\s+)?([0-9A-F]{3}|[0-9A-F]{8})\s+\[(\d{1,2})\]\s*((?:\s[0-9A-F]{2})*|\s*remote request)"
+    rb"\s*(?:'.*'?|ERRORFRAME.*)?\s*"
+)
+_XL = re.compile(_TIME + rb"\S+\s+[0-9A-Fa-f]{3,8}#[0-9A-Fa-f]{2}:[0-9A-Fa-f]{2}:[0-9A-Fa-f]{8}#.*")
+_DATED = re.compile(r"(\d{4}-\d{2}-\d{2} \d{2}:\d{2}:\d{2})\.(\d{1,9})")
+
+
+def read(stream: Stream, account: Account) -> Iterator[list[Frame]]:
+    """The frames, in groups. An id of more than three digits has 29 bits."""
+    parser = Parser(_plain, partial(_other, account=account), _BEGINS, marks=b" #")
+    for first, lines in stream.lines():
+        yield parser.frames(first, lines)
+
+
+def _plain(shape: Shape) -> Iterator[Frame]:
+    """(time) channel id#data, or id##flags data, and perhaps R or T. Raises ValueError, IndexError for what is written less often."""
+    begin, end = shape.words[2]
+    mark = shape.letters[0].tobytes().find(b"#", begin, end)
+    flexible = bool(shape.letters[0, mark + 1 : mark + 2] == MARK)
+    at = mark + 1 + 2 * flexible
+    size, odd = divmod(end - at, 2)
+    if mark < 0 or odd or not 0 <= size <= (64 if flexible else 8) or len(shape.words) > 4:
+        raise ValueError("no plain frame")
+    opening, closing = shape.words[0]
+    if (shape.letters[:, opening] != ord("(")).any() or (shape.letters[:, closing - 1] != ord(")")).any():
+        raise ValueError("no time")
+    digits = mark - begin
+    columns = shape._replace(words=[(opening + 1, closing - 1), (begin, mark), (mark + 2, mark + 3)])
+    stamps, codes = columns.decimals(0), columns.digits(1, 16)
+    if not 3 <= digits <= 8 or codes.max() > EXTENDED or stamps.max() >= END_OF_TIME:
+        raise ValueError("an error frame, or no frame")
+    data = shape.bytes_at(at, size, 2) if size else [b""] * len(stamps)
+    flags = columns.digits(2, 16) if flexible else np.zeros(len(stamps), np.int64)
+    received = shape.is_letter(3, "R", "T").tolist() if len(shape.words) == 4 else repeat(True)
+    no: Iterator[bool] = repeat(False)
+    bits = ((flags & bit != 0).tolist() for bit in (1, 2))
+    return map(
+        Frame,
+        stamps.tolist(),
+        codes.tolist(),
+        repeat(digits > 3),
+        no,
+        no,
+        shape.texts(1),
+        repeat(size),
+        data,
+        repeat(flexible),
+        received,
+        *bits,
+    )
+
+
+def _other(line: bytes, number: int, *, account: Account) -> Frame | None:
+    """A line that is no plain data frame: what it is, or what the account is told of it."""
+    text = line.strip()
+    if not text:
+        return None
+    if text.startswith((b"#", b";", b"//")) or line.startswith(b"\t"):  # a tab: candump -e explains the error frame above
+        account.others["comments"] += 1
+    elif text.startswith(b"DROPCOUNT"):
+        account.others["notices of dropped frames"] += 1
+        account.note(f"its recorder says that it lost frames: '{text.decode('ascii', 'backslashreplace')[:100]}'")
+    elif _XL.fullmatch(line):
+        account.others["CAN XL frames"] += 1
+    else:
+        try:
+            return account.kind(_written(line) or _shown(line))
+        except ValueError:
+            account.line(number, line)
+    return None
+
+
+def _written(line: bytes) -> Frame | None:
+    found = _ODD_FRAME.fullmatch(line)
+    if found is None:
+        return None
+    time, channel, identifier, fd, remote, length, payload, way = found.groups()
+    data = unhexlify((payload or b"").replace(b".", b""))
+    frame = _message(time, channel, identifier, remote is not None, data)
+    if remote is not None:
+        frame.dlc = int(length or b"0")
+    if fd is not None:
+        flags = int(fd[1:], 16)
+        frame.is_fd, frame.bitrate_switch, frame.error_state_indicator = True, flags & 1 != 0, flags & 2 != 0
+    frame.is_rx = way is None or way in b"Rr"
+    if len(data) > (8 if fd is None else 64):
+        raise ValueError("too much data")
+    return frame
+
+
+def _shown(line: bytes) -> Frame:
+    found = _SHOWN.fullmatch(line)
+    if found is None:
+        raise ValueError("no frame")
+    time, channel, way, identifier, length, payload = found.groups()
+    remote = payload.endswith(b"request")
+    data = b"" if remote else unhexlify(b"".join(payload.split()))
+    frame = _message(time, channel, identifier, remote, data)
+    frame.dlc, frame.is_fd, frame.is_rx = int(length), len(length) == 2, way != b"TX"
+    if frame.dlc > (64 if frame.is_fd else 8) or (not remote and frame.dlc != len(data)):
+        raise ValueError("its length is another")
+    return frame
+
+
+def _message(time: bytes, channel: bytes, identifier: bytes, remote: bool, data: bytes) -> Frame:
+    stamp, code = _stamp(time.decode().strip()), int(identifier, 16)
+    failed = len(identifier) == 8 and code & ERROR != 0 and not remote
+    if code & ~EXTENDED and not failed:
+        raise ValueError("no id")
+    name = channel.decode("ascii", "backslashreplace")
+    return Frame(stamp, code & EXTENDED, len(identifier) > 3, remote, failed, name, len(data), data)
+
+
+def _stamp(text: str) -> float:
+    """Seconds; of a date (`candump -t A`), which is the recorder's local time, those since 1970 as if it were UTC."""
+    dated = _DATED.fullmatch(text)
+    if dated is None:
+        stamp = float(text)
+    else:
+        stamp = datetime.strptime(dated[1], "%Y-%m-%d %H:%M:%S").replace(tzinfo=UTC).timestamp() + float(f"0.{dated[2]}")
+    if not 0 <= stamp < END_OF_TIME:
+        raise ValueError("no time")
+    return stamp
