@@ -54,7 +54,7 @@ def run(options: argparse.Namespace, track: Track = untracked) -> str:
             raise EchogridError(f"{options.config}: names {path}, outside its folder; put it beside the configuration, for both are copied")
     if not options.log.is_file():
         raise EchogridError(f"{options.log}: there is no such file")
-    ending = next((ending for ending in ENDINGS if ending in "".join(options.log.suffixes[-2:])), None)
+    ending = next((one for ending in ENDINGS for one in (ending, f"{ending}.gz", f"{ending}.zst") if options.log.name.endswith(one)), None)
     if ending is None:
         raise EchogridError(f"{options.log}: expected a CAN log that ends in one of {', '.join(ENDINGS)}")
     partial = out.with_name(f".{out.name}.partial")
@@ -66,8 +66,7 @@ def run(options: argparse.Namespace, track: Track = untracked) -> str:
             target = partial / path.resolve().relative_to(options.config.parent.resolve())
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(path, target)
-        name = options.log.name
-        shutil.copyfile(options.log, partial / f"can{name[name.rindex(ending) :]}")
+        shutil.copyfile(options.log, partial / f"can{ending}")
         shutil.copyfile(options.mount, partial / MOUNT)
         turns = list(track(clouds(options.lidar, options.topic), "reading the lidar"))
         first, last = span(turns, options.lidar)
