@@ -85,3 +85,15 @@ def test_no_radar_earns_what_it_never_looked_at_unless_it_detected_something_the
     assert seen[(off < math.radians(57.0)) & (far < 7.5) & (far > 2.0)].all()
     assert not seen[((off > math.radians(70.0)) | (far > 8.5)) & (far > 0.5) & ~beside].any()
     assert seen[beside].all()
+
+
+def test_a_radar_that_is_turned_looks_where_it_is_turned_to() -> None:
+    """To the left and behind, by its own bearing of each cell."""
+    truth, yaw, half = np.full((SPEC.cells, SPEC.cells), -4.0, dtype=np.float32), math.radians(130.0), math.radians(30.0)
+    seen = earned(truth, around([(0.5, 0.2, yaw)], half_fov=half, reach=9.0), SPEC)
+    x, y = CELLS[..., 0] - 0.5, CELLS[..., 1] - 0.2
+    along, across = x * math.cos(yaw) + y * math.sin(yaw), -x * math.sin(yaw) + y * math.cos(yaw)  # in the radar's own frame
+    inside = (np.hypot(along, across) < 8.5) & (np.hypot(along, across) > 2.0)
+    assert seen[inside & (along > 0) & (np.abs(across) < along * math.tan(half - 0.06))].all()
+    assert not seen[inside & ((along < 0) | (np.abs(across) > np.abs(along) * math.tan(half + 0.2)))].any()
+    assert seen.sum() > 300
