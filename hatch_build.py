@@ -43,7 +43,7 @@ class KernelsHook(BuildHookInterface[Any]):
         """Says so where there is no compiled kernel, and goes on."""
         why = build(Path(self.root))
         if why is not None:
-            self.app.display_warning(f"echogrid runs without compiled kernels, several times slower: {why}")
+            self.app.display_warning(f"echogrid runs without compiled kernels, slower: {why}")
             return
         build_data["artifacts"].append(str(BUILT))
         if version != "editable":

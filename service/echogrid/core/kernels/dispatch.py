@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from echogrid.core.kernels import reference
 
-WHY = "numpy, several times slower: "
+WHY = "numpy, slower: "
 if TYPE_CHECKING:
     loops = reference
 else:
