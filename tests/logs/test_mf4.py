@@ -81,7 +81,6 @@ def test_a_group_that_does_not_say_how_long_its_ids_are(folder: Path) -> None:
     assert {m.channel for m in found} == {1}
 
 
-@pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")  # asammdf leaves a torn one open
 @given(share=st.floats(0, 0.999))
 @settings(max_examples=20, deadline=None)
 def test_a_torn_file_is_one_sentence(folder: Path, share: float) -> None:

@@ -20,7 +20,8 @@ def configure(level: str) -> None:
     handler.setFormatter(JournalFormatter() if to_journal() else logging.Formatter("%(levelname)s %(name)s: %(message)s"))
     handler.addFilter(RepeatFilter())
     logging.basicConfig(level=level.upper(), handlers=[handler])
-    logging.getLogger("can").setLevel(max(logging.WARNING, logging.getLevelName(level.upper())))  # logs every socket it makes
+    for name in ("can", "numexpr"):  # log every socket they make, and their threads
+        logging.getLogger(name).setLevel(max(logging.WARNING, logging.getLevelName(level.upper())))
 
 
 def to_journal() -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import sqlite3
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -43,12 +44,14 @@ def _mf4(path: Path) -> can.MF4Reader:
     """Raises ValueError where asammdf does not take the file; what it then says of its half-made objects is nobody's business."""
     hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
     try:
-        why = ""
-        try:
-            return can.MF4Reader(path)
-        except Exception as error:  # of struct, lxml, and its own
-            why = f"{error}" or type(error).__name__
-        gc.collect()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ResourceWarning)  # a torn file is left open
+            why = ""
+            try:
+                return can.MF4Reader(path)
+            except Exception as error:  # of struct, lxml, and its own
+                why = f"{error}" or type(error).__name__
+            gc.collect()
         raise ValueError(f"asammdf does not read it, it may be torn: {why}")
     finally:
         sys.unraisablehook = hook
