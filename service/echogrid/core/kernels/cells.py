@@ -16,6 +16,12 @@ Mask = NDArray[np.bool_]
 SIDE = 128  # cells along a tile's side
 
 
+def once(values: NDArray[np.integer]) -> NDArray[np.integer]:
+    """Those of (N,) whole numbers that differ, in order. Sorts; np.unique fills a hash table since numpy 2.3: 2 to 3 times as long."""
+    ordered = np.sort(values)
+    return ordered[np.r_[True, ordered[1:] != ordered[:-1]]] if len(ordered) else ordered
+
+
 def patch_cells(points: NDArray[np.floating], half: float, cell: float, side: int) -> Integers:
     """Flat cell (…,) of points (…, 2) in a patch of side x side cells around the middle; -1 outside."""
     place = np.floor((points + half) / cell).astype(np.int64)

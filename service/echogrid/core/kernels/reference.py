@@ -24,6 +24,7 @@ from echogrid.core.kernels.cells import (
     byte_of_rcs,
     count,
     largest,
+    once,
     patch_cells,
     places,
     spread,
@@ -68,7 +69,7 @@ def draw_past(
     out[1] = count(cells[age <= middle], table, shape)
     out[2] = count(cells, table, shape)
     inside, size = cells >= 0, out[0].size
-    out[3] = count(np.unique(update[inside] * size + cells[inside]) % size, table, shape)
+    out[3] = count(once(update[inside] * size + cells[inside]) % size, table, shape)
     out[4] = largest(cells, np.clip(255 - age * fading, 1, 255).astype(np.uint8), shape)
     out[5] = largest(cells, byte_of_rcs(rcs), shape)
 
@@ -211,7 +212,7 @@ def look(
     share[found] = np.minimum(np.bincount(place, weights=np.tile(shares, len(points))[in_window]), 1.0)
     more = np.maximum(share - hit, 0)
     hit += more
-    mine = np.unique(window_cells(points, row, column, size, cell))
+    mine = once(window_cells(points, row, column, size, cell))
     mine = mine[mine >= 0]
     mine = mine[own[mine] == 0]
     own[mine] = 1
@@ -228,7 +229,7 @@ def look(
     passed |= fresh
     by = np.zeros(size * size, np.uint16)
     for cells, bits in ((flat[in_window], np.repeat(radars, len(shares))[in_window]), (through, radars[beam])):
-        for bit in np.unique(bits):
+        for bit in once(bits):
             by[cells[bits == bit]] |= bit
     touched = np.flatnonzero((by != 0) | (beside > 0) | (share > 0) | (fresh > 0))
     order, inside[: len(touched)] = by_tile(touched, row, column, size, begins)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from echogrid.core.evidence.beams import Beams, Cells, Reach, Window
 from echogrid.core.evidence.inverse_sensor_model import BeamModel
-from echogrid.core.kernels.cells import by_tile
+from echogrid.core.kernels.cells import by_tile, once
 from echogrid.core.kernels.dispatch import loops
 from echogrid.core.map.standstill import Standstill, disc
 from echogrid.core.map.tile import SIDE, TileKey
@@ -140,7 +140,7 @@ class Measurement:
         fits = (around >= 0) & (around < len(hits))
         near = np.bincount(around[fits], weights=np.broadcast_to(self._weights, around.shape)[fits], minlength=len(hits))
         radars = np.zeros(len(hits), np.uint16)
-        for bit in np.unique(who):
+        for bit in once(who):
             radars[cells[who == bit]] |= bit
         touched = np.flatnonzero((hits > 0) | (near > 0) | first | left)
         begins = np.empty(len(tiles_under(window)) + 1, np.int64)
