@@ -40,6 +40,13 @@ def test_sound_drives_are_not_accused(sound: object) -> None:
     assert check(sound()) == []
 
 
+@pytest.mark.parametrize("seconds", [4.0, 7.0, 9.7, 12.0])
+@pytest.mark.parametrize("first", [0.0, 21.0, 42.0])
+def test_nor_are_seconds_of_a_sound_drive(first: float, seconds: float) -> None:
+    """Too little to know a wheel's scale from the yaws of the mounts: it is not judged."""
+    assert check(shipped(first, seconds)) == []
+
+
 def test_every_code_has_its_words_and_every_fix_a_code() -> None:
     """A misspelt method of Mender would never be called."""
     fixes = {name[1:] for name in vars(Mender) if name.startswith("_") and name[1:].islower() and not name.startswith("__")}

@@ -21,6 +21,7 @@ SCALE_LIMIT, SCALE_SYSTEMATIC = 0.01, 0.002
 BIAS_LIMIT = math.radians(0.2)  # per s
 BIAS_BY_YAW = math.radians(0.3)  # azimuth errors that depend on speed or place, and look like a bias: times the speed, by the lever arm
 KNOWN_YAW, KNOWN_OFFSET, KNOWN_SCALE, KNOWN_BIAS = math.radians(0.5), 0.02, 0.01, math.radians(0.25)  # one sigma: a larger one says nothing
+CERTAIN = 5.0  # sigmas: what is so far off is told however little is known; less may be the mounts' yaws, in the first seconds of a drive
 CHANGES = "changes of Doppler over the drive"
 
 
@@ -33,12 +34,12 @@ def small_errors(
     _yaws(radars, best, errors, doubtful, found, missing)
     _offsets(radars, errors, doubtful, found, missing)
     scale = _with(errors.scale, SCALE_SYSTEMATIC)
-    if scale.beyond(SCALE_LIMIT):
+    if scale.sigma > KNOWN_SCALE and abs(scale.value) < CERTAIN * scale.sigma:
+        missing.append(Undecided("needs_speed", "wheel scale: not known: drive for 20 s at more than 3 m/s past standing things"))
+    elif scale.beyond(SCALE_LIMIT):
         sentence = f"speed: {-scale.value:+.1%} off what the radars measure (±{scale.sigma:.1%}): wheel radius or scale"
         sure = surely(scale.value, scale.sigma, SCALE_LIMIT)
         found.append(Finding("wheel_scale", sentence, 1 + scale.value, "", sure, "Doppler over the drive", subject="speed"))
-    elif scale.sigma > KNOWN_SCALE:
-        missing.append(Undecided("needs_speed", "wheel scale: not known: drive for 20 s at more than 3 m/s past standing things"))
     bias, rests = _bias(radars, errors, speed)
     if bias.beyond(BIAS_LIMIT):
         degrees = math.degrees(bias.value)
