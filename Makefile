@@ -6,7 +6,7 @@ RIG ?= full
 LOCK := build/tools/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate \
 	--excludes requirements/excluded.txt --custom-compile-command "make lock"
 
-.PHONY: demo test test-rig deb bench lint fuzz sbom lock model-sums demo-drive clean
+.PHONY: demo test test-rig deb release bench lint fuzz sbom lock model-sums demo-drive clean
 .DEFAULT_GOAL := demo
 
 demo: .venv/.service
@@ -25,6 +25,10 @@ test-rig: .venv/.develop deb
 deb: .venv/.service
 	@echo "== deb: a Debian package for this machine's distribution, in dist (deploy/README.md)"
 	deploy/debian/build $(BIN)/pip
+
+release: deb sbom
+	@echo "== release: sdist, wheels, requirements, SBOM, changes and checksums beside the Debian package, in dist (CONTRIBUTING.md)"
+	$(BIN)/python release/build.py --sbom build/sbom.json
 
 bench: .venv/.develop
 	@echo "== bench: ratios against named references, in one run"
@@ -45,7 +49,9 @@ fuzz: .venv/.develop
 
 sbom: build/tools
 	@echo "== sbom: what the service is made of, as CycloneDX, in build/sbom.json"
-	build/tools/bin/cyclonedx-py requirements requirements/service.txt --pyproject pyproject.toml --mc-type application \
+	@mkdir -p build/sbom
+	sed "s/^dynamic = .*/version = \"$$($(PYTHON) release/version.py)\"/" pyproject.toml > build/sbom/pyproject.toml
+	build/tools/bin/cyclonedx-py requirements requirements/service.txt --pyproject build/sbom/pyproject.toml --mc-type application \
 		--output-reproducible --of JSON -o build/sbom.json
 
 # Pins what pyproject.toml, training/pyproject.toml and requirements/*.in ask for. A pin stays where it still fits: take its line out, or
@@ -71,7 +77,7 @@ demo-drive: .venv/.develop
 	$(PYTHON) -m venv .venv
 	@touch $@
 
-.venv/.service: .venv/.python requirements/service.txt requirements/build.txt pyproject.toml hatch_build.py service/echogrid/core/kernels/compiled.c
+.venv/.service: .venv/.python requirements/service.txt requirements/build.txt pyproject.toml hatch_build.py release/version.py service/echogrid/core/kernels/compiled.c
 	@echo "== the service and what it needs"
 	$(BIN)/pip install --quiet --require-hashes -r requirements/service.txt -r requirements/build.txt
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .

@@ -1,6 +1,6 @@
 """Builds the compiled kernels (service/echogrid/core/kernels/compiled.c) into the package, where a C compiler is at hand.
 
-Without one, the package has numpy alone and the service says so. `python hatch_build.py` builds them in this checkout.
+Without one, or with ECHOGRID_KERNELS=numpy, the package has numpy alone and the service says so. `python hatch_build.py` builds them in this checkout.
 """
 
 from __future__ import annotations
@@ -41,6 +41,8 @@ class KernelsHook(BuildHookInterface[Any]):
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Says so where there is no compiled kernel, and goes on."""
+        if os.environ.get("ECHOGRID_KERNELS") == "numpy":
+            return
         why = build(Path(self.root))
         if why is not None:
             self.app.display_warning(f"echogrid runs without compiled kernels, slower: {why}")

@@ -39,6 +39,19 @@ class Parser(argparse.ArgumentParser):
         return super().format_help() + ("\n".join(("\nexamples:", *lines)) + "\n" if lines else "")
 
 
+class Version(argparse.Action):
+    """Prints it and ends the program."""
+
+    def __init__(self, option_strings: list[str], dest: str) -> None:
+        super().__init__(option_strings, argparse.SUPPRESS, nargs=0, help="show the version and end")
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        from echogrid import __version__
+
+        print(f"{parser.prog} {__version__}")
+        parser.exit()
+
+
 def complete(parser: argparse.ArgumentParser) -> None:
     """Answers a shell that asks how a line goes on, and ends the program; nothing where argcomplete is not installed."""
     try:

@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 from typing import NoReturn
 
-from echogrid import __version__, arguments
+from echogrid import arguments
 from echogrid.config.tables import Publish
 from echogrid.errors import EchogridError
 from echogrid.watching import journal
@@ -44,7 +44,7 @@ def _give_up(sentence: str, exit_code: int = 1) -> NoReturn:
 
 def _parser() -> argparse.ArgumentParser:
     parser = arguments.Parser(prog="echogrid", description="A car's corner radars on CAN in, one dense occupancy map out.")
-    parser.add_argument("--version", action="version", version=f"echogrid {__version__}")
+    parser.add_argument("--version", action=arguments.Version)
     parser.add_argument("--log-level", choices=journal.LEVELS, default="info", help="the lowest level that is logged (default: info)")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 

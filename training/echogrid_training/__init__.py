@@ -3,5 +3,3 @@
 import os
 
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read where onnxruntime is imported, as in echogrid.model.network
-
-__version__ = "0.1.0"

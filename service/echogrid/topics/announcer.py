@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from importlib.metadata import version
 from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid import __version__
 from echogrid.config.tables import Config, Publish
 from echogrid.core.map.map_delta import NOTHING, Rectangle, around, changed, key_window
 from echogrid.core.map.tile import SIDE
@@ -136,7 +136,7 @@ class Announcer:
         ]
         return {
             "vehicle": config.vehicle,
-            "version": version("echogrid"),
+            "version": __version__,
             "model": self.model,
             "frames": {"map": MAP_FRAME, "car": CAR_FRAME},
             "grid": {"cell": config.grid.cell, "tile_cells": SIDE},
