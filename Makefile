@@ -28,7 +28,7 @@ deb: .venv/.service
 
 release: deb sbom
 	@echo "== release: sdist, wheels, requirements, SBOM, changes and checksums beside the Debian package, in dist (CONTRIBUTING.md)"
-	$(BIN)/python release/build.py --sbom build/sbom.json
+	$(BIN)/python -m release.build --sbom build/sbom.json
 
 bench: .venv/.develop
 	@echo "== bench: ratios against named references, in one run"
@@ -40,6 +40,7 @@ lint: .venv/.develop
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy service training
+	$(BIN)/mypy --strict release
 	$(BIN)/lint-imports
 
 fuzz: .venv/.develop

@@ -1,6 +1,7 @@
 """Builds the compiled kernels (service/echogrid/core/kernels/compiled.c) into the package, where a C compiler is at hand.
 
-Without one, or with ECHOGRID_KERNELS=numpy, the package has numpy alone and the service says so. `python hatch_build.py` builds them in this checkout.
+Without one, or with ECHOGRID_KERNELS=numpy, the package has numpy alone and the service says so.
+`python hatch_build.py` builds them in this checkout.
 """
 
 from __future__ import annotations

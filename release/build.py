@@ -1,7 +1,7 @@
-"""Builds a release into dist: `make release`, or `python release/build.py` with an interpreter that has requirements/build.txt.
+"""Builds a release into dist: `make release`, or `python -m release.build` with an interpreter that has requirements/build.txt.
 
-The wheels are built from the sdist, unpacked elsewhere: what is missing in it shows, and nothing in the checkout changes. SOURCE_DATE_EPOCH is the commit's time,
-so the same commit gives the same bytes with the same compiler.
+The wheels are built from the sdist, unpacked elsewhere: what is missing in it shows, and nothing in the checkout changes.
+SOURCE_DATE_EPOCH is the commit's time, so the same commit gives the same bytes with the same compiler.
 """
 
 from __future__ import annotations
@@ -17,8 +17,7 @@ import tarfile
 import tempfile
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-from version import NOT_RELEASED, ROOT, VersionError, debian, git, head_of, version
+from release.version import NOT_RELEASED, ROOT, ReleaseError, debian, git, head_of, version
 
 
 def main() -> None:
@@ -28,12 +27,12 @@ def main() -> None:
     given = parser.parse_args()
     try:
         build(given.out, given.sbom)
-    except VersionError as error:
+    except ReleaseError as error:
         sys.exit(f"release: {error}")
 
 
 def build(out: Path, sbom: Path | None = None) -> list[Path]:
-    """All files of the release. Raises VersionError."""
+    """All files of the release. Raises ReleaseError."""
     number = version()
     sound(number)
     if "SOURCE_DATE_EPOCH" not in os.environ and (ROOT / ".git").exists():
@@ -56,7 +55,7 @@ def sound(number: str) -> None:
     """A version that was tagged is the one that the changelog says was released."""
     head, date = head_of(ROOT)
     if re.fullmatch(r"\d+\.\d+\.\d+", number) and (number != head or date == NOT_RELEASED):
-        raise VersionError(f"CHANGELOG.md: its head is '{head}, {date}' and the tag v{number}, expected '{number}' and the date")
+        raise ReleaseError(f"CHANGELOG.md: its head is '{head}, {date}' and the tag v{number}, expected '{number}' and the date")
 
 
 def packages(out: Path) -> list[Path]:
@@ -69,7 +68,7 @@ def packages(out: Path) -> list[Path]:
         pure = hatch(source, "wheel", out, ECHOGRID_KERNELS="numpy")
         compiled = hatch(source, "wheel", out, ECHOGRID_KERNELS="")
     if compiled == pure:
-        raise VersionError("the compiled kernels are missing: a C compiler and Python.h (python3-dev) are needed")
+        raise ReleaseError("the compiled kernels are missing: a C compiler and Python.h (python3-dev) are needed")
     return [sdist, pure, compiled]
 
 
@@ -78,7 +77,7 @@ def hatch(source: Path, target: str, out: Path, **own: str) -> Path:
     command = [sys.executable, "-m", "hatchling", "build", "-t", target, "-d", str(out.resolve())]
     done = subprocess.run(command, cwd=source, env=os.environ | own, capture_output=True, text=True, check=False)
     if done.returncode:
-        raise VersionError(f"{source}: no {target}: {done.stderr.strip()}")
+        raise ReleaseError(f"{source}: no {target}: {done.stderr.strip()}")
     *warnings, name = done.stderr.strip().splitlines()
     sys.stderr.write("".join(f"{line}\n" for line in warnings))
     return out / Path(name).name
@@ -88,7 +87,7 @@ def section(changelog: str, number: str) -> str:
     """What a changelog says of one version, with its head."""
     found = re.search(rf"^## {re.escape(number)},.*?(?=^## |\Z)", changelog, re.MULTILINE | re.DOTALL)
     if found is None:
-        raise VersionError(f"CHANGELOG.md: says nothing of {number}")
+        raise ReleaseError(f"CHANGELOG.md: says nothing of {number}")
     return found[0].rstrip() + "\n"
 
 

@@ -6,6 +6,7 @@ import argparse
 import difflib
 import math
 import re
+import sys
 from pathlib import Path
 from typing import NoReturn
 
@@ -48,7 +49,7 @@ class Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
         from echogrid import __version__
 
-        print(f"{parser.prog} {__version__}")
+        sys.stdout.write(f"{parser.prog} {__version__}\n")
         parser.exit()
 
 

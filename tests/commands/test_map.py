@@ -44,4 +44,4 @@ def test_without_the_extra_a_cluster_is_refused(stored: Path, tmp_path: Path) ->
     program = "import sys; sys.modules['distributed'] = None; from echogrid.cli import main; main()"
     command = [sys.executable, "-c", program, "map", "merge", tmp_path / "a.egmap", stored, "--scheduler", "tcp://127.0.0.1:9"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
-    assert (done.returncode, done.stderr) == (1, "echogrid: --scheduler: needs the extra 'cluster': pip install 'echogrid[cluster]'\n")
+    assert (done.returncode, done.stderr) == (1, "echogrid: --scheduler: distributed is not installed: pip install distributed\n")

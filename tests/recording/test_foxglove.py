@@ -58,4 +58,4 @@ def test_an_address_that_is_taken_is_one_sentence() -> None:
 def test_without_the_extra_the_sentence_names_it() -> None:
     code = "import sys; sys.modules['foxglove'] = None; from echogrid.recording.foxglove import Foxglove; Foxglove('127.0.0.1', 0, 'car')"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE, check=False)
-    assert done.stderr.splitlines()[-1].endswith("foxglove-sdk is not installed: pip install 'echogrid[foxglove]'")
+    assert done.stderr.splitlines()[-1].endswith("foxglove-sdk is not installed: pip install foxglove-sdk")

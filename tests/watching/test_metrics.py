@@ -172,7 +172,7 @@ from echogrid.watching.metrics import Metrics
 
 def test_without_the_extra_it_is_said_what_to_install(address: str) -> None:
     code = f"try: Metrics(Settings(listen={address!r}), 'car')\nexcept EchogridError as error: print(error)"
-    assert run(BLOCKED + code) == "metrics: prometheus-client is not installed: pip install 'echogrid[metrics]'"
+    assert run(BLOCKED + code) == "metrics: prometheus-client is not installed: pip install prometheus-client"
 
 
 def test_by_default_nothing_is_opened_and_the_extra_is_not_needed() -> None:

@@ -34,7 +34,7 @@ PACKED = (".gz", ".zst")
 MOST_UNPACKED = 16 << 30  # bytes of a packed file that a library reads from disk
 EXTRAS = {  # what reads an ending, where it is not installed with the service
     ".mf4": "the package asammdf: pip install asammdf",
-    ".mcap": "the extra mcap: pip install 'echogrid[mcap]'",
+    ".mcap": "the package mcap: pip install mcap",
 }
 
 

@@ -151,7 +151,7 @@ def _engine(scheduler: str | None) -> Iterator[Engine]:
     try:
         from distributed import Client
     except ImportError:
-        raise EchogridError("--scheduler: needs the extra 'cluster': pip install 'echogrid[cluster]'") from None
+        raise EchogridError("--scheduler: distributed is not installed: pip install distributed") from None
     try:
         client = Client(scheduler, timeout=PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]  # it has no types
     except (OSError, ValueError) as error:

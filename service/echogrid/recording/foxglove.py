@@ -22,7 +22,7 @@ class Foxglove:
         try:
             import foxglove
         except ImportError as error:
-            raise EchogridError("--foxglove: foxglove-sdk is not installed: pip install 'echogrid[foxglove]'") from error
+            raise EchogridError("--foxglove: foxglove-sdk is not installed: pip install foxglove-sdk") from error
         self._context = context = foxglove.Context()  # closes its channels when it goes
         self._channels: dict[str, foxglove.Channel] = {}
         for topic in TOPICS:

@@ -37,7 +37,7 @@ class McapWriter:
         try:
             from mcap.writer import Writer
         except ImportError as error:
-            raise EchogridError(f"{path}: mcap is not installed: pip install 'echogrid[mcap]'") from error
+            raise EchogridError(f"{path}: mcap is not installed: pip install mcap") from error
         self._folder = None if path.suffix == ".mcap" else path
         self.path = path if self._folder is None else path / f"{path.name}_0.mcap"
         try:

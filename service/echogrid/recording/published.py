@@ -66,7 +66,7 @@ class Published:
 
             from echogrid.logs.formats.mcap_log import MESSAGE, all_records, stream
         except ImportError as error:
-            raise EchogridError(f"{self.path}: mcap is not installed: pip install 'echogrid[mcap]'") from error
+            raise EchogridError(f"{self.path}: mcap is not installed: pip install mcap") from error
         decoders: dict[int, Callable[[int, bytes], Item | None]] = {}
         with self._file as file:
             try:

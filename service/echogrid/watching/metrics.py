@@ -34,7 +34,7 @@ class Metrics:
         try:
             from echogrid.watching.openmetrics import Exposition
         except ImportError as error:
-            raise EchogridError("metrics: prometheus-client is not installed: pip install 'echogrid[metrics]'") from error
+            raise EchogridError("metrics: prometheus-client is not installed: pip install prometheus-client") from error
         self._exposition = Exposition(vehicle)
         if settings.file is not None:
             try:

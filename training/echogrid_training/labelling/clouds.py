@@ -82,7 +82,7 @@ def _mcap(files: list[Path], topic: str | None) -> Iterator[Cloud]:
         from mcap.exceptions import McapError
         from mcap.reader import make_reader
     except ImportError as error:
-        raise EchogridError(f"{files[0]}: mcap is not installed: pip install 'echogrid[mcap]'") from error
+        raise EchogridError(f"{files[0]}: mcap is not installed: pip install mcap") from error
 
     for path in files:
         with path.open("rb") as file:

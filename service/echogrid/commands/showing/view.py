@@ -20,7 +20,7 @@ try:
     from echogrid.viewing.server import PageServer, run_show
     from echogrid.viewing.shows import LiveShow, MapShow, Show, TapeShow
 except ImportError as missing:
-    raise EchogridError("aiohttp is not installed: pip install 'echogrid[view]'") from missing
+    raise EchogridError("aiohttp is not installed: pip install aiohttp") from missing
 from echogrid.viewing.live_feed import LiveFeed
 from echogrid.viewing.recorded import DriveFeed, McapFeed
 from echogrid.viewing.stored import SUFFIXES, stored_scene
