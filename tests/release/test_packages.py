@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import subprocess
 import sys
 import sysconfig
@@ -118,3 +119,15 @@ def test_an_installed_wheel_runs_the_demo(compiled: Path, tmp_path: Path) -> Non
     assert summary["not_to_be_trusted"] is None
     assert "compiled" in summary["kernels"]
     assert (tmp_path / "out" / "demo" / "received.png").is_file()
+
+
+def test_nobody_is_sent_to_an_index_that_does_not_have_it() -> None:
+    texts = [ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+    for folder, kind in (("docs", "md"), ("deploy", "md"), ("service", "py"), ("training", "py"), ("tests", "py")):
+        texts += (ROOT / folder).rglob(f"*.{kind}")
+    asked = re.compile(r"""(?:pip3?|pipx|uv)\s(?:.*\s)?install\s(?:.*\s)?['"]?echogrid(?:-training)?(?:\[|['"\s`]|$)""", re.MULTILINE)
+    assert asked.search("pip install -U 'echogrid[view]'")
+    assert not asked.search("pip install dist/echogrid-1.2.3-py3-none-any.whl")
+    assert [
+        str(path) for path in texts if path != Path(__file__) and asked.search(path.read_text(encoding="utf-8", errors="replace"))
+    ] == []
