@@ -99,6 +99,16 @@ def ink(page: Any) -> list[int]:
     )
 
 
+def picture_of(page: Any) -> str:
+    """All of its pixels."""
+    return page.evaluate(
+        """() => new Promise((done) => {
+            window.echogrid.dirty = true;
+            requestAnimationFrame(() => requestAnimationFrame(() => done(window.echogrid.canvas.toDataURL())));
+        })"""
+    )
+
+
 def test_a_recording_plays_scrubs_and_shows_what_is_asked_for(page: Any, tape: DriveFeed) -> None:
     with served(Ready(tape)) as (_, port):
         page.goto(f"http://127.0.0.1:{port}/")
@@ -114,6 +124,12 @@ def test_a_recording_plays_scrubs_and_shows_what_is_asked_for(page: Any, tape: D
         page.keyboard.press("1")  # without the map
         assert ink(page)[0] < white / 10
         page.keyboard.press("1")
+        whole = picture_of(page)
+        for layer in "2346":  # detections, fields of view, trail, grid
+            page.keyboard.press(layer)
+            assert picture_of(page) != whole, layer
+            page.keyboard.press(layer)
+            assert picture_of(page) == whole, layer
         page.evaluate("echogrid.timeline.seek(2.0)")
         wait(page, "echogrid.timeline.clock.at === 2")
         assert page.inner_text("#state") == "ok"
@@ -191,6 +207,8 @@ def test_the_pages_numbers_are_the_clients_and_it_comes_back(page: Any, endpoint
             assert [int(page.inner_text(f"#c-{name}")) for name in ("static", "moving", "beside")] == [
                 int((judged.verdicts == verdict).sum()) for verdict in range(3)
             ]
+            by_radar = page.evaluate("[...document.querySelectorAll('#radars .count')].map((count) => Number(count.textContent))")
+            assert by_radar == np.bincount(judged.radars, minlength=4).tolist()
             cells = page.evaluate(
                 """([x, y, cell, height, width]) => Array.from({length: height * width}, (_, n) =>
                 echogrid.map.cellAt(x + (n % width + 0.5) * cell, y + (Math.floor(n / width) + 0.5) * cell, cell).percent)""",

@@ -122,7 +122,7 @@ class Page {
     frame.verdicts.forEach((verdict) => verdicts[verdict]++);
     frame.radars.forEach((radar) => (radars[radar] = (radars[radar] ?? 0) + 1));
     this.radarCounts = radars;
-    this.panel.verdicts(verdicts, this.now());
+    this.panel.detections(radars, verdicts, this.now());
   }
 
   tell(state, why) {

@@ -78,10 +78,12 @@ export class Panel {
     by("n-yaw").textContent = `${(yaw * DEGREES).toFixed(1)}°`;
   }
 
-  verdicts(counts, at) {
-    ["static", "moving", "beside"].forEach((name, verdict) => (by(`c-${name}`).textContent = counts[verdict]));
-    this.graphs.static.add(at, counts[0]);
-    this.graphs.moving.add(at, counts[1]);
+  /** How many detections there are by radar and by verdict; one map's, at once. */
+  detections(radars, verdicts, at) {
+    document.querySelectorAll("#radars .count").forEach((count, number) => (count.textContent = radars[number] ?? 0));
+    ["static", "moving", "beside"].forEach((name, verdict) => (by(`c-${name}`).textContent = verdicts[verdict]));
+    this.graphs.static.add(at, verdicts[0]);
+    this.graphs.moving.add(at, verdicts[1]);
   }
 
   counts({ known, occupied }) {
