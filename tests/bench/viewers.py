@@ -2,7 +2,7 @@
 
 Stretches without viewers and with ten take turns, and at the end a page in a headless Chromium, where one is at hand, shows the same.
 
-python -m tests.bench.viewers listen ENDPOINT   is another subscriber: when its input ends it prints when each map came and how old it was (ns)
+python -m tests.bench.viewers listen ENDPOINT   is another subscriber: at its input's end it prints when each map came and how old it was (ns)
 python -m tests.bench.viewers look PORT COUNT   are COUNT viewers: they say when all are there, and at the end how many maps each was told
 python -m tests.bench.viewers page PORT SECONDS is a page: it says when it shows the map, and at the end its pictures and maps a second
 """
@@ -74,15 +74,13 @@ def main(rounds: int) -> None:
             each = [float(np.percentile(some, 99)) * 1e3 for some in ages]
             p99[viewers] = float(np.percentile([age for some in ages for age in some], 99))
             print(f"  p99 by stretch: {', '.join(f'{one:.1f}' for one in each)} ms; load {', '.join(f'{s.load:.1f}' for s in stretches)}")
-            print(
-                f"  of a core: view {shares([s.view for s in stretches])}, the publishing process {shares([s.publisher for s in stretches])}"
-            )
+            print(f"  of a core: view {shares([s.view for s in stretches])}, publishing {shares([s.publisher for s in stretches])}")
         print(f"p99 with viewers / without: {p99[VIEWERS] / p99[0]:.2f}")
         if CHROMIUM is not None:
             page = start("-m", "tests.bench.viewers", "page", str(port), str(SECONDS - 5))
             drive_until_said(car, page)
             one = stretch(car, view)
-            print(f"one page: {page.communicate()[0].strip()}; of a core: view {one.view:.1%}, the publishing process {one.publisher:.1%}")
+            print(f"one page: {page.communicate()[0].strip()}; of a core: view {one.view:.1%}, publishing {one.publisher:.1%}")
         view.send_signal(signal.SIGINT)
         view.wait(30)
 
