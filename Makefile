@@ -6,7 +6,7 @@ RIG ?= full
 LOCK := build/tools/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate \
 	--excludes requirements/excluded.txt --custom-compile-command "make lock"
 
-.PHONY: demo test test-rig deb release bench lint fuzz sbom lock model-sums demo-drive clean
+.PHONY: demo test test-rig deb release bench lint fuzz docs sbom lock model-sums demo-drive develop clean
 .DEFAULT_GOAL := demo
 
 demo: .venv/.service
@@ -48,6 +48,10 @@ fuzz: .venv/.develop
 	$(BIN)/python -m pytest -m hypothesis --hypothesis-profile=roaming --numprocesses=auto --maxprocesses=4
 	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS)
 
+docs: .venv/.develop
+	@echo "== docs: these documents as a site, in build/docs; what is broken, links among it, fails"
+	$(BIN)/python -m sphinx --quiet --fail-on-warning --builder html --conf-dir docs --doctree-dir build/doctrees . build/docs
+
 sbom: build/tools
 	@echo "== sbom: what the service is made of, as CycloneDX, in build/sbom.json"
 	@mkdir -p build/sbom
@@ -71,6 +75,8 @@ model-sums:
 # Generates the demo drive again; the same seed gives the same bytes.
 demo-drive: .venv/.develop
 	$(BIN)/echogrid-train demo --out service/echogrid/demo_drive --force
+
+develop: .venv/.develop
 
 .venv/.python:
 	@echo "== a virtual environment in .venv"

@@ -1,0 +1,42 @@
+"""A recording into a map, as numpy arrays: no service, no network.
+
+python examples/map_of_a_recording.py [DRIVE]     a folder with can.log.gz (or another format) and echogrid.toml; the shipped one without
+"""
+
+import sys
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+
+from echogrid.can.signals import bus_of
+from echogrid.config.loading import load_config
+from echogrid.core.map.tiled_map import FREE, OCCUPIED, probability
+from echogrid.logs.drive import find_drive
+from echogrid.logs.log import Log
+from echogrid.pipeline import Pipeline
+
+
+def main(folder: str) -> None:
+    drive = find_drive(Path(folder), None)
+    config = load_config(drive.config)
+    pipeline = Pipeline(config, drive.config)
+    way = []  # x, y of the rear axle in odom at each map update
+    for message in Log(drive.log):
+        update = pipeline.add(bus_of(message, config.bus) or "", message)
+        if update is not None:
+            way.append((update.ego.odom_from_base.x, update.ego.odom_from_base.y))
+    row, column, log_odds = pipeline.mapper.map.whole()  # (H, W) rows along y, columns along x; 0 where never seen
+    cell = config.grid.cell
+    x, y = column * cell, row * cell  # m in odom, of the corner of cell [0, 0]
+    known = log_odds != 0
+    p = np.where(known, probability(log_odds), np.nan)  # of occupied
+    print(f"{np.hypot(*np.diff(way, axis=0).T).sum():.0f} m driven, {len(way)} map updates")
+    print(f"x from {x:.1f} to {x + p.shape[1] * cell:.1f} m, y from {y:.1f} to {y + p.shape[0] * cell:.1f} m")
+    for name, cells in {"free": p <= FREE, "occupied": p >= OCCUPIED, "neither": (p > FREE) & (p < OCCUPIED)}.items():
+        print(f"{name}: {cells.sum() * cell**2:.0f} m²")
+    np.savez_compressed("recording.npz", probability=p, origin=(x, y), cell=cell, way=way)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:] or [str(files("echogrid") / "demo_drive")])
