@@ -100,7 +100,7 @@ def test_percent_of_what_is_special() -> None:
 
 @given(st.floats(-88, 88, width=32).filter(bool))
 def test_percent_of_the_opposite_is_what_is_left_of_a_hundred(log_odds: float) -> None:
-    percent, opposite = occupancy_percent(np.array([log_odds, -log_odds], dtype=np.float32))
+    ((percent, opposite),) = occupancy_percent(np.array([[log_odds, -log_odds]], dtype=np.float32))
     assert percent + opposite == 100
 
 

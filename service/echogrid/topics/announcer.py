@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from echogrid import __version__
 from echogrid.config.tables import Config, Publish
+from echogrid.core.kernels.dispatch import loops
 from echogrid.core.map.map_delta import NOTHING, Rectangle, around, changed, key_window
 from echogrid.core.map.tile import SIDE
 from echogrid.core.map.tiled_map import FREE, OCCUPIED, LogOdds
@@ -156,14 +157,15 @@ class Announcer:
 
 def on_the_ground(points: Floats) -> NDArray[np.float32]:
     """(N, 2) as (N, 3) with z = 0."""
-    return np.pad(points.astype(np.float32), ((0, 0), (0, 1)))
+    standing = np.zeros((len(points), 3), dtype=np.float32)
+    standing[:, :2] = points
+    return standing
 
 
 def occupancy_percent(log_odds: LogOdds) -> NDArray[np.int8]:
     """nav_msgs/OccupancyGrid's cells of log-odds, same shape: round(100 p), -1 where the log-odds are 0: never seen."""
-    # 1 / (1 + exp(-l)) = 1/2 + tanh(l/2) / 2, which takes half the time and can not overflow.
-    percent: NDArray[np.int8] = np.rint(50 + 50 * np.tanh(log_odds / 2)).astype(np.int8)
-    percent[log_odds == 0] = -1
+    percent = np.empty(log_odds.shape, dtype=np.int8)
+    loops.percent(log_odds, percent)
     return percent
 
 

@@ -120,7 +120,4 @@ def expected_surprise(log_odds: LogOdds, chance: NDArray[np.floating]) -> Floats
 
 def read(layers: Layers, calibration: Calibration) -> LogOdds:
     """As LookMap reads them, with other numbers; layers (5, …)."""
-    total, weight, hits, near, passes = layers
-    mean = total / np.maximum(weight, np.float32(1e-6))
-    learned = np.where(weight > 0, np.float32(calibration.learned) * mean + np.float32(calibration.offset), np.float32(0))
-    return read_out(learned.astype(np.float32), hits, near, passes, np.asarray(layers.any(axis=0)))
+    return read_out(np.ascontiguousarray(layers), calibration.learned, calibration.offset)

@@ -38,6 +38,7 @@ static Py_ssize_t fitting(char kind, const char *format) {
     case 'i': return found == 'i' ? 4 : 0;
     case 'I': return found == 'I' ? 4 : 0;
     case 'H': return found == 'H' ? 2 : 0;
+    case 'b': return found == 'b' ? 1 : 0;
     default: return found == 'B' || found == '?' ? 1 : 0;
     }
 }
@@ -807,7 +808,7 @@ KERNEL(fold) {
 
 /* exp(x) for |x| <= 87: 2^k exp(r), r within half of ln 2, by the reference's sums and products. */
 static inline float exponential(float x) {
-    int32_t k = (int32_t)(x * 1.44269502f + (x < 0 ? -0.5f : 0.5f)), bits = (k + 127) * (1 << 23);
+    int32_t k = (int32_t)(x * 1.44269502f + copysignf(0.5f, x)), bits = (k + 127) * (1 << 23);
     float r = x - (float)k * 0.693359375f + (float)k * 2.12194440e-4f, p = 1.98412698e-4f, power;
     p = p * r + 1.38888889e-3f;
     p = p * r + 8.33333333e-3f;
@@ -854,6 +855,135 @@ KERNEL(odds) {
         }
     }
     free(odds);
+    return done(&given);
+}
+
+/* x within the two; the lower one for what is no number. */
+static inline float within(float x, float least, float most) {
+    float above = x > least ? x : least;
+    return above < most ? above : most;
+}
+
+/* ln x for x within 1e-30 … 1e30: 2^k m, m within a factor of the root of 2 of 1, by the reference's sums and products. */
+static inline float logarithm(float x) {
+    const int32_t half_root = 0x3f3504f3;
+    int32_t bits;
+    x = within(x, 1e-30f, 1e30f);
+    memcpy(&bits, &x, sizeof bits);
+    bits -= half_root;
+    int32_t low = (bits & 0x7fffff) + half_root;
+    float k = (float)(bits >> 23), m;
+    memcpy(&m, &low, sizeof m);
+    float ratio = (m - 1) / (m + 1), square = ratio * ratio, series = (float)(1.0 / 11);
+    series = series * square + (float)(1.0 / 9);
+    series = series * square + (float)(1.0 / 7);
+    series = series * square + (float)(1.0 / 5);
+    series = series * square + (float)(1.0 / 3);
+    return (2 * ratio * square * series - k * 2.12194440e-4f) + 2 * ratio + k * 0.693359375f;
+}
+
+/* The numbers of the rule, as the arguments have them. */
+typedef struct {
+    float gain, offset, learned, prior, surest, hit, near, passed, none, doubt, doubted, slope, steep, alone, enough, surer;
+} Rule;
+
+enum { BLOCK = 64 }; /* cells that are read out together */
+
+/* A cell's values stand in arrays from one step to the next: a step that is taken for all cells has no branch. */
+WIDE static void read_block(const float *const *layers, Py_ssize_t width, const Rule *given, float *out) {
+    const float *total = layers[0], *weight = layers[1], *hits = layers[2], *beside = layers[3], *passes = layers[4];
+    const Rule rule = *given;
+    float mean[BLOCK], said[BLOCK], passing[BLOCK], weighed[BLOCK], aside[BLOCK], bent[BLOCK], lone[BLOCK], odds[BLOCK], surely[BLOCK];
+    for (Py_ssize_t j = 0; j < width; j++) {
+        float divisor = weight[j] > 1e-6f ? weight[j] : 1e-6f;
+        mean[j] = rule.gain * (total[j] / divisor) + rule.offset;
+    }
+    for (Py_ssize_t j = 0; j < width; j++) said[j] = weight[j] > 0 ? mean[j] : 0;
+    for (Py_ssize_t j = 0; j < width; j++) {
+        passing[j] = rule.passed * passes[j] + rule.none;
+        weighed[j] = exponential(within(rule.learned * said[j], -rule.prior, rule.surest)) / passing[j];
+        aside[j] = weighed[j] * (rule.near * beside[j] + rule.none);
+    }
+    for (Py_ssize_t j = 0; j < width; j++) {
+        lone[j] = exponential(within(rule.steep * said[j] + rule.alone, -60, rule.enough)) / passing[j];
+    }
+    for (Py_ssize_t j = 0; j < width; j++) bent[j] = exponential(rule.doubt + rule.slope * (logarithm(aside[j]) - rule.doubt));
+    for (Py_ssize_t j = 0; j < width; j++) {
+        aside[j] = aside[j] > rule.doubted ? bent[j] : aside[j];
+        lone[j] = said[j] == 0 ? 0 : lone[j];
+    }
+    for (Py_ssize_t j = 0; j < width; j++) {
+        float inside = weighed[j] * (rule.hit * hits[j] + rule.none);
+        odds[j] = logarithm(aside[j] * aside[j] + inside * inside + lone[j] * lone[j]) * 0.5f;
+        surely[j] = rule.doubt + rule.surer * (odds[j] - rule.doubt);
+    }
+    for (Py_ssize_t j = 0; j < width; j++) {
+        int known = (total[j] != 0) | (weight[j] != 0) | (hits[j] != 0) | (beside[j] != 0) | (passes[j] != 0);
+        float found = odds[j] < rule.doubt ? surely[j] : odds[j];
+        found = found == 0 ? 1.17549435e-38f : found;
+        out[j] = known ? found : 0;
+    }
+}
+
+/* Whether any of so many numbers is not 0. */
+WIDE static int any(const float *values, Py_ssize_t count) {
+    uint32_t found = 0, bits;
+    for (Py_ssize_t j = 0; j < count; j++) {
+        memcpy(&bits, values + j, sizeof bits);
+        found |= bits << 1;
+    }
+    return found != 0;
+}
+
+KERNEL(read_out) {
+    TAKE("f3xxxxxxxxxxxxxxxxf2!");
+    Py_ssize_t height = LENGTH(0, 1), width = LENGTH(0, 2);
+    if (!sized(&given, LENGTH(0, 0) == 5 && LENGTH(1, 0) == height && LENGTH(1, 1) == width)) return NULL;
+    float numbers[16];
+    for (int n = 0; n < 16; n++) numbers[n] = (float)given.number[n];
+    Rule rule;
+    memcpy(&rule, numbers, sizeof rule);
+    Py_BEGIN_ALLOW_THREADS;
+    for (Py_ssize_t i = 0; i < height; i++)
+        for (Py_ssize_t j = 0; j < width; j += BLOCK) {
+            Py_ssize_t some = width - j < BLOCK ? width - j : BLOCK;
+            const float *from[5];
+            float *out = ROW(float, 1, i) + j;
+            int known = 0;
+            for (int p = 0; p < 5; p++) {
+                from[p] = ROW3(float, 0, p, i) + j;
+                known |= any(from[p], some);
+            }
+            if (known) read_block(from, some, &rule, out);
+            else memset(out, 0, some * sizeof *out);
+        }
+    Py_END_ALLOW_THREADS;
+    return done(&given);
+}
+
+WIDE static void percent_block(const float *log_odds, Py_ssize_t width, int8_t *out) {
+    int32_t surely[BLOCK];
+    float size[BLOCK];
+    for (Py_ssize_t j = 0; j < width; j++) size[j] = fabsf(log_odds[j]) < 60 ? fabsf(log_odds[j]) : 60;
+    for (Py_ssize_t j = 0; j < width; j++) surely[j] = (int32_t)(100 / (1 + exponential(-size[j])) + 0.5f);
+    for (Py_ssize_t j = 0; j < width; j++) {
+        surely[j] = log_odds[j] < 0 ? 100 - surely[j] : surely[j];
+        surely[j] = log_odds[j] == 0 ? -1 : surely[j];
+    }
+    for (Py_ssize_t j = 0; j < width; j++) out[j] = (int8_t)surely[j];
+}
+
+KERNEL(percent) {
+    TAKE("f2b2!");
+    Py_ssize_t height = LENGTH(0, 0), width = LENGTH(0, 1);
+    if (!sized(&given, LENGTH(1, 0) == height && LENGTH(1, 1) == width)) return NULL;
+    Py_BEGIN_ALLOW_THREADS;
+    for (Py_ssize_t i = 0; i < height; i++)
+        for (Py_ssize_t j = 0; j < width; j += BLOCK) {
+            Py_ssize_t some = width - j < BLOCK ? width - j : BLOCK;
+            percent_block(ROW(float, 0, i) + j, some, ROW(int8_t, 1, i) + j);
+        }
+    Py_END_ALLOW_THREADS;
     return done(&given);
 }
 
@@ -911,6 +1041,7 @@ static PyMethodDef methods[] = {
     ENTRY(moved),     ENTRY(draw_now),  ENTRY(draw_past), ENTRY(draw_passes), ENTRY(draw_looks),   ENTRY(bilinear), ENTRY(nearest),
     ENTRY(note_view), ENTRY(add_look),  ENTRY(add_clamped), ENTRY(elfes),     ENTRY(look),         ENTRY(add_measured), ENTRY(usual),
     ENTRY(signals),   ENTRY(quantities), ENTRY(fold), ENTRY(odds), ENTRY(beside), ENTRY(agreeing),
+    ENTRY(read_out),  ENTRY(percent),
     {NULL, NULL, 0, NULL},
 };
 static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "compiled", "The hot loops, compiled.", 0, methods, NULL, NULL, NULL, NULL};

@@ -32,6 +32,8 @@ from echogrid.core.kernels.cells import (
 )
 from echogrid.core.kernels.frames import quantities as quantities
 from echogrid.core.kernels.frames import signals as signals
+from echogrid.core.kernels.reading import percent as percent
+from echogrid.core.kernels.reading import read_out as read_out
 
 
 def moved(points: Floats, x: float, y: float, cos: float, sin: float, out: Floats) -> None:

@@ -95,8 +95,7 @@ class LookMap(TiledMap):
 
     def read(self, layers: Layers) -> LogOdds:
         """What was learned and what was measured together, as docs/fusion.md says."""
-        _, _, hits, near, passes = layers
-        return read_out(self.learned(layers), hits, near, passes, np.asarray(layers.any(axis=0)))
+        return read_out(layers, self.calibration.learned, self.calibration.offset)
 
     def learned(self, layers: Layers) -> LogOdds:
         """(H, W): the calibrated mean of what the network said alone; 0 where it said nothing."""

@@ -99,7 +99,12 @@ class TiledMap(ABC):
 
     def window(self, row: int, column: int, height: int, width: int) -> LogOdds:
         """Log-odds (height, width) of the cells from (row, column) on; 0 where nothing is known."""
-        return self.read(self.window_of_layers(row, column, height, width))
+        out = np.zeros((height, width), dtype=np.float32)
+        for key, inside, piece in pieces(row, column, height, width):
+            tile = self._used(key)
+            if tile is not None:
+                out[piece] = self.read(tile.layers[:, *inside])
+        return out
 
     def window_of_layers(self, row: int, column: int, height: int, width: int) -> Layers:
         """(layers, height, width) of the cells from (row, column) on; 0 where nothing was ever seen."""

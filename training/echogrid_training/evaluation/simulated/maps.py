@@ -120,9 +120,9 @@ def learned_layer(layers: Layers) -> Scores:
 
 def geometric_layer(layers: Layers) -> Scores:
     """What was measured alone."""
-    nothing = np.zeros_like(layers[0])
-    _, _, hits, near, passes = layers
-    return read_out(nothing, hits, near, passes, np.asarray(layers[2:].any(axis=0)))
+    measured = layers.copy()
+    measured[:2] = 0
+    return read_out(measured)
 
 
 def mappers(of: Iterable[Row]) -> list[Mapper]:

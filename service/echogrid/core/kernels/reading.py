@@ -1,0 +1,86 @@
+"""The reference's loops that read a map out: layers to log-odds, log-odds to percent."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echogrid.core.kernels.answers import LN2_HIGH, LN2_LOW, exponential
+from echogrid.core.kernels.cells import Singles
+
+LEAST, MOST = 1e-30, 1e30  # odds beyond which log-odds go no further
+HALF_ROOT = np.float32(0.70710677)  # of 2: where a mantissa's octave begins
+ODD = [np.float32(1 / n) for n in (11, 9, 7, 5, 3)]
+TINY = np.finfo(np.float32).tiny
+
+
+def read_out(
+    layers: Singles,
+    gain: float,
+    offset: float,
+    learned: float,
+    prior: float,
+    surest: float,
+    hit: float,
+    near: float,
+    passed: float,
+    none: float,
+    doubt: float,
+    doubted: float,
+    slope: float,
+    steep: float,
+    alone: float,
+    enough: float,
+    surer: float,
+    out: Singles,
+) -> None:
+    """Layers (5, H, W) of a LookMap -> (H, W) log-odds by the rule of docs/fusion.md, whose numbers `core.map.read_out` names; 0 where all
+    layers are 0, and only there. `gain` and `offset` calibrate the mean of what the network said; `doubted` are the odds of `doubt`.
+
+    Worked out in odds, which takes fewer logarithms.
+    """
+    total, weight, hits, beside, passes = layers
+    known = (total != 0) | (weight != 0) | (hits != 0) | (beside != 0) | (passes != 0)
+    divisor = np.where(weight > np.float32(1e-6), weight, np.float32(1e-6))
+    said = np.where(weight > 0, np.float32(gain) * (total / divisor) + np.float32(offset), np.float32(0))
+    passing = np.float32(passed) * passes + np.float32(none)
+    weighed = exponential(within(np.float32(learned) * said, -prior, surest)) / passing
+    aside = weighed * (np.float32(near) * beside + np.float32(none))
+    bent = np.float32(doubt) + np.float32(slope) * (logarithm(aside) - np.float32(doubt))
+    aside = np.where(aside > np.float32(doubted), exponential(bent), aside)
+    inside = weighed * (np.float32(hit) * hits + np.float32(none))
+    lone = exponential(within(np.float32(steep) * said + np.float32(alone), -60, enough)) / passing
+    lone = np.where(said == 0, np.float32(0), lone)
+    log_odds = logarithm(aside * aside + inside * inside + lone * lone) * np.float32(0.5)
+    surely = np.float32(doubt) + np.float32(surer) * (log_odds - np.float32(doubt))
+    log_odds = np.where(log_odds < np.float32(doubt), surely, log_odds)
+    out[:] = np.where(known, np.where(log_odds == 0, TINY, log_odds), np.float32(0))
+
+
+def percent(log_odds: Singles, out: NDArray[np.int8]) -> None:
+    """(H, W) log-odds -> percent, rounded; -1 where they are 0. The opposite's percent is what is left of 100."""
+    size = np.where(np.abs(log_odds) < np.float32(60), np.abs(log_odds), np.float32(60))
+    surely = np.float32(100) / (1 + exponential(-size)) + np.float32(0.5)
+    whole = surely.astype(np.int32)
+    out[:] = np.where(log_odds == 0, -1, np.where(log_odds < 0, 100 - whole, whole))
+
+
+def logarithm(x: Singles) -> Singles:
+    """Natural logarithm of x within LEAST … MOST, to 3e-7 of it or of 1: by sums, products and quotients: the same everywhere."""
+    bits = within(x, LEAST, MOST).view(np.int32) - HALF_ROOT.view(np.int32)
+    exponent = bits >> 23  # of 2, with a mantissa between HALF_ROOT and its double
+    mantissa = ((bits & 0x7FFFFF) + HALF_ROOT.view(np.int32)).view(np.float32)
+    ratio = (mantissa - 1) / (mantissa + 1)  # ln m = 2 (r + r³/3 + r⁵/5 + …)
+    square = ratio * ratio
+    series = np.full_like(x, ODD[0])
+    for factor in ODD[1:]:
+        series = series * square + factor
+    k = exponent.astype(np.float32)
+    found: Singles = (2 * ratio * square * series - k * LN2_LOW) + 2 * ratio + k * LN2_HIGH
+    return found
+
+
+def within(x: Singles, least: float, most: float) -> Singles:
+    """Clipped; what is no number becomes `least`."""
+    above = np.where(x > np.float32(least), x, np.float32(least))
+    return np.where(above < np.float32(most), above, np.float32(most))
