@@ -21,7 +21,7 @@ from echogrid_training.labelling import bring, label
 from echogrid_training.learning import fit
 from echogrid_training.own import adapt
 from echogrid_training.own import evaluate as own
-from echogrid_training.paper import reproduce
+from echogrid_training.paper import ablate, reproduce
 from echogrid_training.realism import report
 from echogrid_training.recording import Recording, Track, untracked
 from echogrid_training.streets.style import FAMILIES
@@ -101,6 +101,10 @@ def _parser() -> argparse.ArgumentParser:
     again = commands.add_parser("reproduce", help="the paper's four autoencoders, its table and its figures, as an HTML page")
     reproduce.add_arguments(again)
     again.set_defaults(command=_reproduce)
+
+    apart = commands.add_parser("ablate", help="what the paper's network and the default one differ in, one thing at a time, as tables")
+    ablate.add_arguments(apart)
+    apart.set_defaults(command=_ablate)
 
     judge = commands.add_parser("evaluate", help="networks and plain methods side by side, as tables in Markdown")
     worlds = judge.add_subparsers(required=True, metavar="WORLD")
@@ -201,6 +205,10 @@ def _fit(options: argparse.Namespace) -> None:
 
 def _reproduce(options: argparse.Namespace) -> None:
     print(reproduce.run(options, _tracked()))
+
+
+def _ablate(options: argparse.Namespace) -> None:
+    print(ablate.run(options, _tracked()))
 
 
 def _evaluate_sim(options: argparse.Namespace) -> None:

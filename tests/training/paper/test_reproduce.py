@@ -26,7 +26,7 @@ from echogrid.errors import EchogridError
 from echogrid_training.learning import train
 from echogrid_training.learning.dataset import load_drive, ternary
 from echogrid_training.learning.train import Settings, load_trained
-from echogrid_training.paper import reproduce
+from echogrid_training.paper import material, reproduce
 from echogrid_training.truth import ground_truth
 
 NAMES = ("lidar-inverse-3", "lidar-independent-3", "radar-inverse-3", "radar-independent-3")
@@ -189,7 +189,7 @@ def test_a_lidar_of_another_time_than_the_radars_is_refused(drives: Path, tmp_pa
     np.savez_compressed(path, **arrays)
     with pytest.raises(EchogridError, match=r"c/truth\.npz: turns of the lidar 0\.50 s apart found, expected at most 0\.15 s"):
         run(drives, tmp_path / "out", test=str(tmp_path / "old"))
-    reproduce.check_turns([drives / "test" / "c"])
+    material.check_turns([drives / "test" / "c"])
 
 
 def test_a_town_cannot_be_learned_from_and_tested_on(drives: Path, tmp_path: Path) -> None:

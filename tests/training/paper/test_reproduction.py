@@ -16,8 +16,9 @@ from echogrid_training.learning.loss import CLASSES, Weighting
 from echogrid_training.learning.recipe import Sensor
 from echogrid_training.learning.train import Settings, Trained
 from echogrid_training.paper.autoencoders import PAPERS, Autoencoder
+from echogrid_training.paper.material import Part
 from echogrid_training.paper.reproduction_pictures import CAR, LINES, TRUTH, ZOOM, chart, grey, input_picture, map_picture, patch_picture
-from echogrid_training.paper.reproduction_report import RULES, Part, Reproduction, figures, page
+from echogrid_training.paper.reproduction_report import RULES, Reproduction, figures, page
 from echogrid_training.paper.table_one import markdown, observations, table
 from echogrid_training.paper.true_pose_map import MapErrors
 from echogrid_training.truth.ground_truth import TruthMap
@@ -42,8 +43,8 @@ def made(name: str = "test-00000") -> Reproduction:
     four = networks(2)
     maps = {(rule, one.name): MapErrors(0.5, 0.25, 1.5, 0.4, 0.6) for rule in RULES for one in four[::2]}
     pictures = {f"map-{rule}-{one.name}": b"png" for rule in RULES for one in four[::2]} | {"map-truth": b"png", "prior": b"png"}
-    parts = {"learned from": Part([Path("<a>")], 7, "c0ffee"), "test": Part([], 3, "f00d")}
-    return Reproduction(four, table(four), parts, {"learned from": ['{"family":"<train>"}'], "test": []}, name, 231.4, maps, pictures)
+    parts = {"learned from": Part([Path("<a>")], 7, "c0ffee", ['{"family":"<train>"}']), "test": Part([], 3, "f00d", [])}
+    return Reproduction(four, table(four), parts, name, 231.4, maps, pictures)
 
 
 def test_what_the_paper_reads_off_its_table_can_be_read_off_its_numbers() -> None:

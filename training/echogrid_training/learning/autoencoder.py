@@ -17,29 +17,30 @@ SLOPE = 0.2  # of LeakyReLU below 0, as in DCGAN
 
 
 class PaperAutoencoder(nn.Module):
-    """(B, 1, 128, 128) in [-1, 1] -> logits (B, 128, 128); tanh(logits / 2) is what the loss compares with labels in [-1, 1].
+    """(B, planes, 128, 128) -> logits (B, answers, 128, 128), or (B, 128, 128) of one. The paper's have one of each: an image in [-1, 1],
+    and logits of which the loss compares tanh(logits / 2) with labels in [-1, 1].
 
     From the paper: strided convolutions, deconvolutions, LeakyReLU, batch norm in all layers, one last convolution that makes the image
     and evens out the deconvolutions' checkerboard. Its figure is not in the text, so depth, kernels and widths are our choice: k4 s2 down
     to a code of 4 x 4 as in DCGAN. Width 16 has 0.87 million weights, width 32 has 3.5.
     """
 
-    def __init__(self, width: int = 16) -> None:
+    def __init__(self, width: int = 16, planes: int = CHANNELS, answers: int = 1) -> None:
         super().__init__()
         self.width = width
-        down = (CHANNELS, *(level * width for level in LEVELS))
+        down = (planes, *(level * width for level in LEVELS))
         up = (*down[:0:-1], width)
         self.encoder = nn.Sequential(*(halved(*pair) for pair in pairwise(down)))
         self.decoder = nn.Sequential(*(doubled(*pair) for pair in pairwise(up)))
-        self.head = nn.Conv2d(width, 1, kernel_size=3, padding=1)
+        self.head = nn.Conv2d(width, answers, kernel_size=3, padding=1)
         for name, weight in self.named_parameters():
             if weight.dim() == 4:  # He's start for LeakyReLU; DCGAN's sigma of 0.02 is for one width
                 nn.init.kaiming_normal_(weight, SLOPE, mode="fan_out" if name.startswith("decoder") else "fan_in")
 
     def forward(self, image: Tensor) -> Tensor:
         code = self.encoder(image)  # (B, 8 width, 4, 4)
-        logits: Tensor = self.head(self.decoder(code))[:, 0]  # (B, 128, 128)
-        return logits
+        logits: Tensor = self.head(self.decoder(code))  # (B, answers, 128, 128)
+        return logits[:, 0] if logits.shape[1] == 1 else logits
 
 
 def halved(channels: int, out: int) -> nn.Sequential:

@@ -14,11 +14,12 @@ from torch.nn.functional import cross_entropy
 from echogrid_training.learning.autoencoder import PaperAutoencoder
 from echogrid_training.learning.dataset import UNJUDGED, Labels, Samples, mirrored, of_detections, of_lidar, soft, ternary, turned
 from echogrid_training.learning.loss import Weighting, reconstruction_loss
-from echogrid_training.learning.unet import CLASS_WEIGHTS, UNet, corrected, evenly
+from echogrid_training.learning.unet import CLASS_WEIGHTS, CLASSES, PLANES, UNet, corrected, evenly
 
 Network = Literal["paper", "default"]
 Sensor = Literal["radar", "lidar"]
 IGNORED = 99  # in a label's place: no class
+Body = Literal["unet", "autoencoder"]
 Kind = Literal["ternary", "soft"]  # labels: -1, 0, 1 as the paper's classes are written, or tanh(L / 2)
 
 
@@ -77,15 +78,18 @@ class Paper(Recipe):
 
 @dataclass(frozen=True, slots=True)
 class Default(Recipe):
-    """The U-Net with history: three classes by cross-entropy, a proper scoring rule."""
+    """Three classes by cross-entropy, a proper scoring rule. What ships is the U-Net with history; without either, it is to compare."""
 
     shares: tuple[float, float, float]  # of free, unknown and occupied in what is learned from
+    body: Body = "unet"
+    planes: int = PLANES  # of the image, from the first on: 1 are the newest scans alone, as the paper's network sees them
+    width: int = 16  # of the autoencoder
 
     def network(self) -> nn.Module:
-        return UNet()
+        return UNet(planes=self.planes) if self.body == "unet" else PaperAutoencoder(self.width, self.planes, CLASSES)
 
     def shown(self, samples: Samples, rng: np.random.Generator | None = None) -> tuple[Tensor, Tensor]:
-        images, labels = samples.images, samples.labels
+        images, labels = samples.images[:, : self.planes], samples.labels
         if rng is not None:
             images, labels = mirrored(images, labels, rng)
         shown = np.where(labels == UNJUDGED, np.float32(IGNORED), ternary(labels))

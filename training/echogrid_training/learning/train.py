@@ -29,7 +29,8 @@ from echogrid_training.learning.dataset import Samples, ternary
 from echogrid_training.learning.judging import held_out_loss, inferred, judge
 from echogrid_training.learning.loss import Weighting, calibrate
 from echogrid_training.learning.ranks import Ranks, joined_ranks
-from echogrid_training.learning.recipe import Default, Kind, Network, Paper, Recipe, Sensor, shares
+from echogrid_training.learning.recipe import Body, Default, Kind, Network, Paper, Recipe, Sensor, shares
+from echogrid_training.learning.unet import PLANES
 from echogrid_training.recording import Track, untracked
 
 CHECKPOINT, LOG, MODEL = "checkpoint.pt", "log.jsonl", "model.pt"
@@ -48,7 +49,7 @@ class Settings:
     weighting: Weighting = "independent"  # of classes, in the paper's loss
     epochs: int = 30
     seed: int = 0
-    width: int = 32  # of the paper's network
+    width: int = 32  # of the autoencoder
     batch: int = 64
     per_epoch: int | None = None  # samples drawn for each epoch; None for all
     sensor: Sensor = "radar"  # whose image the paper's network is shown
@@ -59,6 +60,8 @@ class Settings:
     decay: float = 1e-4  # the strength of either
     clip: float = 1.0  # of the gradient's norm
     average: float = 0.999  # how much of the weights' moving average each step keeps, once it is old enough
+    body: Body = "unet"  # of the default recipe
+    planes: int = PLANES  # of the image that the default recipe shows
 
 
 def small(network: Network, weighting: Weighting, seed: int) -> Settings:
@@ -90,7 +93,7 @@ class Trained:
 def recipe(settings: Settings, of_classes: tuple[float, float, float]) -> Recipe:
     if settings.network == "paper":
         return Paper(settings.width, settings.weighting, settings.labels, settings.sensor)
-    return Default(of_classes)
+    return Default(of_classes, settings.body, settings.planes, settings.width)
 
 
 class Run:

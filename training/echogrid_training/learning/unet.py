@@ -18,25 +18,26 @@ CLASS_WEIGHTS = (0.35, 0.35, 2.3)  # of the cross-entropy: mild, for occupied ce
 
 
 class UNet(nn.Module):
-    """(B, 12, 128, 128) of bytes / 255 -> class logits (B, 3, 128, 128).
+    """(B, planes, 128, 128) of bytes / 255 -> class logits (B, 3, 128, 128).
 
     Blocks of 2 x 2 cells are folded into channels first and unfolded last, where the service's raster and numpy do it for less than the
-    network; `core` is what is exported between: (B, 48, 64, 64) -> (B, 12, 64, 64). ReLU and no deconvolution, for both have int8 kernels.
+    network; `core` is what is exported between: (B, 4 planes, 64, 64) -> (B, 12, 64, 64). ReLU and no deconvolution, for both have int8
+    kernels.
     """
 
-    def __init__(self, widths: Sequence[int] = WIDTHS) -> None:
+    def __init__(self, widths: Sequence[int] = WIDTHS, planes: int = PLANES) -> None:
         super().__init__()
-        self.core = Core(widths)
+        self.core = Core(widths, planes)
 
     def forward(self, image: Tensor) -> Tensor:
         return pixel_shuffle(self.core(pixel_unshuffle(image, 2)), 2)
 
 
 class Core(nn.Module):
-    def __init__(self, widths: Sequence[int]) -> None:
+    def __init__(self, widths: Sequence[int], planes: int) -> None:
         super().__init__()
         first, *deeper = widths
-        self.stem = nn.Sequential(conv(4 * PLANES, first), conv(first, first))
+        self.stem = nn.Sequential(conv(4 * planes, first), conv(first, first))
         self.down = nn.ModuleList()
         self.narrow, self.merge = nn.ModuleList(), nn.ModuleList()
         above = first

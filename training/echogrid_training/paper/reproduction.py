@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 from PIL.Image import Image
 
-from echogrid_training.drives.campaign import PLAN
 from echogrid_training.learning.dataset import Samples, load_drive, of_detections, of_lidar, soft
 from echogrid_training.learning.fit import some
 from echogrid_training.learning.loss import CLASSES
 from echogrid_training.paper.autoencoders import Autoencoder
+from echogrid_training.paper.material import Part
 from echogrid_training.paper.reproduction_pictures import chart, input_picture, map_picture, patch_picture, sheet
-from echogrid_training.paper.reproduction_report import RULES, Part, Reproduction
+from echogrid_training.paper.reproduction_report import RULES, Reproduction
 from echogrid_training.paper.table_one import table
 from echogrid_training.paper.true_pose_map import Driven, MapErrors, Rule, driven, longest, map_errors, mapped, way_length
 from echogrid_training.recording import Track
@@ -37,14 +36,7 @@ def reproduction(networks: Sequence[Autoencoder], parts: Mapping[str, Part], tra
     pictures |= {f"scene-{number}": scene(one, networks) for number, one in enumerate(scenes, 1)}
     pictures |= {"prior": prior(networks)} | curves(networks)
     encoded = {name: png(picture) for name, picture in pictures.items()}
-    noted = {name: plans(part.drives) for name, part in parts.items()}
-    return Reproduction(every, lines, parts, noted, drive.name, way_length(drive.way), errors, encoded)
-
-
-def plans(drives: Sequence[Path]) -> list[str]:
-    """Of the campaigns that the drives are of, where their folders note one."""
-    notes = (folder / PLAN for folder in sorted({drive.parent for drive in drives}))
-    return [note.read_text("utf-8") for note in notes if note.is_file()]
+    return Reproduction(every, lines, parts, drive.name, way_length(drive.way), errors, encoded)
 
 
 def richest(samples: Samples) -> Samples:

@@ -7,12 +7,12 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from html import escape
-from pathlib import Path
 from typing import Any
 
 from echogrid_training.learning.autoencoder import weight_count
 from echogrid_training.paper import table_one
 from echogrid_training.paper.autoencoders import Autoencoder
+from echogrid_training.paper.material import Part, described
 from echogrid_training.paper.table_one import SCHEMES, Line
 from echogrid_training.paper.true_pose_map import CLAMP, MapErrors, Rule
 
@@ -40,22 +40,12 @@ code { font-size: 14px; overflow-wrap: anywhere; }
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Part:
-    """Drives of one kind, how many samples they give, and the sha256 of these."""
-
-    drives: list[Path]
-    samples: int
-    sha256: str
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Reproduction:
     """All that the page says. Pictures are PNG by name: scene-1, scene-2, …, prior, curves-…, map-truth, map-RULE-NETWORK."""
 
     networks: Sequence[Autoencoder]
     table: Sequence[Line]
     parts: Mapping[str, Part]  # 'learned from', 'validation' and 'test'
-    plans: Mapping[str, Sequence[str]]  # of the campaigns that a part's drives are of
     drive: str  # of the maps
     way: float  # m
     maps: Mapping[tuple[Rule, str], MapErrors]  # by rule and name of the network, of the first seed's
@@ -166,7 +156,7 @@ the networks' <code>log.jsonl</code>.</p>
 
 def _settings(made: Reproduction) -> str:
     parts = [
-        (name, str(len(part.drives)), str(part.samples), " ".join(made.plans[name]) or "not noted", part.sha256)
+        (name, str(len(part.drives)), str(part.samples), " ".join(part.plans) or "not noted", part.sha256)
         for name, part in made.parts.items()
     ]
     names = [(name, ", ".join(drive.name for drive in part.drives)) for name, part in made.parts.items()]
@@ -195,10 +185,6 @@ the whole true patch. Shares of free, unknown and occupied cells in what was lea
 
 def figures(made: Reproduction) -> dict[str, Any]:
     """All of the page's numbers, as JSON knows them."""
-    parts = {
-        name: {"drives": [drive.name for drive in part.drives], "samples": part.samples, "sha256": part.sha256, "plans": made.plans[name]}
-        for name, part in made.parts.items()
-    }
     maps = {
         f"{name}, {rule}": {key: None if math.isnan(value) else value for key, value in asdict(errors).items()}
         for (rule, name), errors in made.maps.items()
@@ -208,7 +194,7 @@ def figures(made: Reproduction) -> dict[str, Any]:
         "observations": [{"claim": claim, "holds": holds, "draws": share} for claim, holds, share in table_one.observations(made.table)],
         "settings": asdict(made.networks[0].trained.settings),
         "networks": {network.name: {"sha256": network.sha256, "log": network.log} for network in made.networks},
-        "parts": parts,
+        "parts": described(made.parts),
         "maps": {"drive": made.drive, "way": made.way} | maps,
     }
 
