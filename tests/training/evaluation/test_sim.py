@@ -98,6 +98,23 @@ def test_tables_and_pictures(found: tuple[str, Path]) -> None:
             assert min(picture.size) > 400
 
 
+def test_maps_alone_say_the_same_of_maps(found: tuple[str, Path], towns: Path, network_file: Path, tmp_path: Path) -> None:
+    """With one network of two, and from the same drives: nothing hangs on patches."""
+    folders = ("--test", str(towns / "test"), "--calibrate", str(towns / "others"), "--out", str(tmp_path))
+    said = sim.run(options(*folders, "--model", f"tiny={network_file}", "--workers", "1", "--maps"))
+    results, whole = (json.loads((folder / "results.json").read_text()) for folder in (tmp_path, found[1]))
+    assert set(results["levels"]) == {"around", "finished"}
+    assert (results["patches"], results["standstill"], results["revisit"]) == (0, {}, {})
+    for name in ("Elfes, sum", "geometric layer of looks"):
+        for figure in ("sure", "published_nll", "mse_occupied", "said"):
+            assert results["levels"]["finished"][name][figure] == whole["levels"]["finished"][name][figure]
+    assert "tiny, sum without clamp" in said
+    assert "Single map updates" not in said
+    assert not list(tmp_path.glob("patch-*.png"))
+    with pytest.raises(EchogridError, match="--maps and --sweep found together, expected one of them"):
+        sim.run(options(*folders, "--maps", "--sweep"))
+
+
 def test_work_is_spread_in_order() -> None:
     calls = [(3.0, 4.0), (5.0, 12.0), (8.0, 15.0)]
     for workers in (1, 2):

@@ -36,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "files of one NAME are seeds of one network",
     )
     parser.add_argument("--patches", type=positive, default=60, metavar="N", help="of each test drive (default: 60)")
+    parser.add_argument("--maps", action="store_true", help="maps along the drives alone: no patches, cold starts, standing or sweep")
     parser.add_argument("--sweep", action="store_true", help="also over density, mounting, silent radars; drives of its own in OUT/sweep")
     parser.add_argument("--workers", type=positive, default=os.cpu_count() or 1, metavar="N", help="processes")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="for results.json, results.md and pictures")
@@ -56,14 +57,17 @@ def run(options: argparse.Namespace, track: Track = untracked) -> str:
     from echogrid_training.evaluation.simulated.learned import File
     from echogrid_training.evaluation.tables import report
 
-    tested, others = find_drives(options.test), some(find_drives(options.calibrate), CALIBRATED)
+    if options.maps and options.sweep:
+        raise EchogridError("--maps and --sweep found together, expected one of them: a sweep judges patches")
+    tested, others = find_drives(options.test), some(find_drives(options.calibrate), MAPPED if options.maps else CALIBRATED)
     check_apart(tested, others)
     files = [File(name, path) for name, path in options.model]
-    mapped, probed = some(others, MAPPED), some(tested, PROBED)
+    mapped, probed = some(others, MAPPED), [] if options.maps else some(tested, PROBED)
+    count = 0 if options.maps else options.patches
     with spread(options.workers, track) as each:
-        shown = each(calibrating.shown, [(drive, files, drive in mapped) for drive in others], "calibrating")
+        shown = each(calibrating.shown, [(drive, files, not options.maps, drive in mapped) for drive in others], "calibrating")
         plan = calibrating.planned(shown, files)
-        judged = each(judging.judged, [(drive, plan, options.patches, drive in probed) for drive in tested], "judging")
+        judged = each(judging.judged, [(drive, plan, count, drive in probed) for drive in tested], "judging")
         swept = each(sweep.swept, [(point, options.out / "sweep", plan) for point in sweep.points()], "sweeping") if options.sweep else []
     found = results.results(judged, plan, len(others)) | {"sweep": sweep.curves(swept)}
     return report.write(results.cleaned(found), judged, options.out, options.json)

@@ -20,7 +20,7 @@ from echogrid_training.sensors.episode import paper_like
 def plan(room_drive: Path) -> Plan:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(calibrating, "PATCHES", 3)
-        return planned([shown(room_drive, [], with_maps=True)], [])
+        return planned([shown(room_drive, [], with_patches=True, with_maps=True)], [])
 
 
 def test_every_point_is_a_drive_of_its_own() -> None:

@@ -62,12 +62,12 @@ class Shown:
     occupied: Floats
 
 
-def shown(folder: Path, files: Sequence[File], with_maps: bool) -> Shown:
-    """All candidates on one drive's patches and, if asked for, all maps. Raises EchogridError."""
+def shown(folder: Path, files: Sequence[File], with_patches: bool, with_maps: bool) -> Shown:
+    """All candidates on one drive's patches and all maps, what of them is asked for. Raises EchogridError."""
     tape, rng = load_tape(folder), np.random.default_rng(zlib.crc32(folder.name.encode()))
     learned, of_lidar = networks(files, tape.mounts), lidar_networks(files)
     out = Shown([], np.zeros((SPEC.cells, SPEC.cells)), np.zeros((SPEC.cells, SPEC.cells)))
-    for patch in patches(tape, PATCHES):
+    for patch in patches(tape, PATCHES) if with_patches else ():
         said = {(name, index): method(patch).scores for name, grid in BASELINES.items() for index, method in enumerate(grid)}
         said |= {key: network.answer(patch).scores for key, network in (learned | of_lidar).items()}
         out.drawn.append(draw("patch", patch.place, said, rng))
@@ -91,8 +91,7 @@ def planned(of: Sequence[Shown], files: Sequence[File]) -> Plan:
     """By all calibration drives together."""
     drawn = [one for part in of for one in part.drawn]
     free, occupied = np.sum([part.free for part in of], axis=0), np.sum([part.occupied for part in of], axis=0)
-    mean = mean_patch(free, occupied, sum(one.level == "patch" for one in drawn))
-    methods: dict[Key, Method] = {(MEAN_PATCH, 0): mean}
+    methods: dict[Key, Method] = {}
     readings: dict[str, dict[Key, Reading]] = {level: {} for level in LEVELS}
     elfes: tuple[Elfes, ...] = ()
     for level, read in readings.items():
@@ -105,7 +104,8 @@ def planned(of: Sequence[Shown], files: Sequence[File]) -> Plan:
             for name, grid in BASELINES.items():
                 best = int(np.argmin([unlikelihood(scores[name, index], truth) for index in range(len(grid))]))
                 methods[name, 0], read[name, 0] = grid[best], fit_reading(scores[name, best], truth)
-            read[MEAN_PATCH, 0] = fit_reading(_of_mean(mean, some), truth)
+            mean = mean_patch(free, occupied, len(some))
+            methods[MEAN_PATCH, 0], read[MEAN_PATCH, 0] = mean, fit_reading(_of_mean(mean, some), truth)
         if level == "around":
             best = int(np.argmin([unlikelihood(scores[TUNED, index], truth) for index in range(len(SUMMED))]))
             elfes = (SUMMED[best],)

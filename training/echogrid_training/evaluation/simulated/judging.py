@@ -67,16 +67,17 @@ class Book:
 
 
 def judged(folder: Path, plan: Plan, count: int, probed: bool) -> Judged:
-    """At most `count` patches of the drive, and its maps; `probed`: also standing and driving it twice. Raises EchogridError."""
+    """At most `count` patches of the drive, and its maps: those of cold starts too where patches are judged, and `probed`: also standing
+    and driving it twice. Raises EchogridError."""
     tape, book = load_tape(folder), Book(plan)
     learned, geometry = networks(plan.files, tape.mounts), Geometry(tape)
-    patch, number = judge_patches(tape, plan, learned, count, book)
+    patch, number = judge_patches(tape, plan, learned, count, book) if count else (None, 0)
     of, finished = rows(tape, geometry, learned, plan.elfes), []
     for view in drive_through(tape, of):
         book.add_view(view.level, view)
         if view.level == "finished":
             finished.append(view)
-    for looks, view in cold_starts(tape, geometry, learned, plan.elfes):
+    for looks, view in cold_starts(tape, geometry, learned, plan.elfes) if count else ():
         book.add_view(f"after {looks} looks", view)
     if probed:
         for view in revisits(tape, of):

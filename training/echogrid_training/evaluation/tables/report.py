@@ -25,6 +25,6 @@ def write(found: dict[str, Any], judged: Sequence[Judged], out: Path, elsewhere:
             pictures.windows(one.patch).save(out / f"patch-{one.drive}.png")
     if judged[0].finished is not None:
         pictures.windows(judged[0].finished).save(out / f"finished-{judged[0].drive}.png")
-    for level in PLOTTED:
+    for level in [level for level in PLOTTED if level in found["levels"]]:
         pictures.reliability_plot(found["levels"][level], level).save(out / f"reliability-{level}.png")
     return said

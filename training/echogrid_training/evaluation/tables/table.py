@@ -48,17 +48,19 @@ def tables(results: Row) -> str:
         "± is the deviation over seeds; [ ] the middle 95 in 100 of resampled towns."
     )
     parts = [("", head)]
-    parts.append(("Single map updates", _figures(levels["patch"], COLUMNS)))
-    parts.append(("Class errors of single map updates", _figures(levels["patch"], CLASS_MSE)))
-    parts.append((f"AP and NLL by distance: {len(RINGS)} rings", _strata(levels["patch"], STRATA[: len(RINGS)])))
-    parts.append(("AP and NLL by visibility", _strata(levels["patch"], STRATA[len(RINGS) :])))
+    if "patch" in levels:
+        parts.append(("Single map updates", _figures(levels["patch"], COLUMNS)))
+        parts.append(("Class errors of single map updates", _figures(levels["patch"], CLASS_MSE)))
+        parts.append((f"AP and NLL by distance: {len(RINGS)} rings", _strata(levels["patch"], STRATA[: len(RINGS)])))
+        parts.append(("AP and NLL by visibility", _strata(levels["patch"], STRATA[len(RINGS) :])))
     for level, title in MAPS.items():
         parts.append((title, _figures(levels[level], COLUMNS)))
         parts.append((f"{title}: as published", _figures(_published(levels[level]), PUBLISHED)))
         parts.append((f"{title}: class errors as published", _figures(_published(levels[level]), CLASS_MSE)))
     parts.append((f"Against {REFERENCE['patch']} and {REFERENCE['around']}: intervals of the difference", _differences(levels)))
-    parts.append(("IoU after a cold start, by looks of 0.5 m", _cold(levels)))
-    parts.append(("Standing, and the same way twice", _probes(results)))
+    if "patch" in levels:
+        parts.append(("IoU after a cold start, by looks of 0.5 m", _cold(levels)))
+        parts.append(("Standing, and the same way twice", _probes(results)))
     parts += [(f"Sweep: {name}", _sweep(points)) for name, points in results.get("sweep", {}).items()]
     parts.append(("As tuned", "\n".join(f"- {name}: `{method}`" for name, method in results["tuned"].items())))
     return "\n\n".join(f"### {title}\n\n{body}" if title else body for title, body in parts if body) + "\n"
