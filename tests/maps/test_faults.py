@@ -14,7 +14,7 @@ from tests.support.stores import CELL, described, random_tiles, write_store
 from echogrid.core.map.look_map import Calibration
 from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
-from echogrid.maps import merge as merging
+from echogrid.maps import cluster
 from echogrid.maps.export import export, parse_box
 from echogrid.maps.importing import import_map
 from echogrid.maps.info import info
@@ -123,7 +123,7 @@ def both(folder: Path, name: str) -> list[Input]:
 def test_every_mistake_is_one_sentence_and_nothing_is_written(
     stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, act: Callable[[Path], object], complaint: str
 ) -> None:
-    monkeypatch.setattr(merging, "PATIENCE", 0.2)
+    monkeypatch.setattr(cluster, "PATIENCE", 0.2)
     (tmp_path / "noise.egmap").write_bytes(b"noise" * 1000)
     (tmp_path / "map.tif").write_bytes(b"")
     (tmp_path / "pic.pgm").write_bytes(b"")

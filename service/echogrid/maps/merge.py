@@ -14,13 +14,13 @@ from echogrid.core.map.merge import Placement, Source, merge_tile, placement, to
 from echogrid.core.map.tile import MOST_RADARS, Tile, TileKey
 from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
+from echogrid.maps.cluster import cluster
 from echogrid.maps.files import may_write, new_store, open_store
 from echogrid.maps.stored_epoch import OnProgress, StoredEpoch
 from echogrid.store.epoch import Description
 from echogrid.store.store_file import SUFFIX
 
 AT_ONCE = 128  # merged tiles that are in memory
-PATIENCE = 10.0  # s that the scheduler is waited for
 SEVERAL = "several"  # vehicles
 
 
@@ -148,26 +148,5 @@ def _engine(scheduler: str | None) -> Iterator[Engine]:
     if scheduler is None:
         yield lambda work, jobs: [work(job) for job in jobs]
         return
-    try:
-        from distributed import Client
-    except ImportError:
-        raise EchogridError("--scheduler: distributed is not installed: pip install distributed") from None
-    try:
-        client = Client(scheduler, timeout=PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]  # it has no types
-    except (OSError, ValueError) as error:
-        raise EchogridError(f"{scheduler}: no Dask scheduler answers there within {PATIENCE:g} s: {error}") from error
-
-    def gather(work: Work, jobs: Sequence[Job]) -> list[Tile | None]:
-        try:
-            # distributed has no types.
-            tiles: list[Tile | None] = client.gather(client.map(work, jobs, pure=False))  # type: ignore[no-untyped-call]
-        except EchogridError:
-            raise
-        except Exception as error:  # whatever a worker met: no echogrid, another one, no memory
-            raise EchogridError(
-                f"{scheduler}: a worker failed: {type(error).__name__}: {error}; all need this version of echogrid"
-            ) from error
-        return tiles
-
-    with client:
+    with cluster(scheduler) as gather:
         yield gather

@@ -56,7 +56,7 @@ def test_a_folder_of_clouds_gives_the_same_as_the_bag(car: Path, labelled: Path,
     clouds = tmp_path / "clouds"
     clouds.mkdir()
     for turn in read_turns(labelled):
-        np.savez(clouds / f"{turn.stamp_ns}.npz", xyz=turn.points)
+        np.savez(clouds / f"{turn.stamp_ns}.npz", xyz=turn.cloud().points)
     assert bring(car, clouds, tmp_path / "again") == 0
     for name in ("stamp_ns", "offsets", "xyz_cm"):
         with np.load(tmp_path / "again" / "lidar.npz") as again, np.load(labelled / "lidar.npz") as first:
@@ -106,7 +106,7 @@ def test_mistakes_are_one_sentence(car: Path, labelled: Path, tmp_path: Path, ca
         assert printed.err.count("\n") == 1
     assert not out.exists()
     for arguments, expected in (
-        (["label", str(labelled)], "truth.npz: is there already; give --force"),
+        (["label", str(car)], "train-00000: has no lidar.npz; bring its lidar with: echogrid-train import own"),
         (["label", str(tmp_path / "empty")], "empty: has no lidar.npz; bring its lidar with: echogrid-train import own"),
     ):
         assert cli.main(arguments) == 1

@@ -4,15 +4,18 @@ echogrid.toml   the configuration as given, with the DBC files that it names
 can.*           the CAN log as given
 lidar.npz       stamp_ns (T,), offsets (T + 1,), xyz_cm (N, 3) int16 in its own frame; turn i begins at offsets[i]
 lidar.toml      where the lidar is
+poses.npz       where base was, if an odometry topic says so (odometry.py)
 """
 
 from __future__ import annotations
 
 import argparse
 import shutil
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
@@ -21,6 +24,7 @@ from echogrid.logs.drive import ENDINGS, find_drive
 from echogrid_training.evaluation.recorded.drive import hear
 from echogrid_training.labelling.clouds import Cloud, clouds
 from echogrid_training.labelling.lidar_mount import load_mount
+from echogrid_training.labelling.odometry import POSES, read_odometry, write_poses
 from echogrid_training.recording import Track, untracked
 from echogrid_training.sources import load_npz
 
@@ -37,6 +41,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--lidar", type=Path, required=True, metavar="PATH", help="an .mcap, a bag of ROS 2, or a folder of .npz, .pcd, .bin"
     )
     parser.add_argument("--topic", metavar="NAME", help="of the clouds, where there are several")
+    parser.add_argument(
+        "--odometry", type=Path, metavar="PATH", help="an .mcap or a bag with nav_msgs/Odometry: poses in place of our dead reckoning"
+    )
+    parser.add_argument("--odometry-topic", metavar="NAME", help="where there are several")
     parser.add_argument("--mount", type=Path, required=True, metavar="FILE.toml", help="where the lidar is: x, y, z, yaw_deg, …")
     parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="the drive folder to write")
 
@@ -47,7 +55,8 @@ def run(options: argparse.Namespace, track: Track = untracked) -> str:
     if out.exists():
         raise EchogridError(f"{out}: exists already; give another folder")
     config = load_config(options.config)
-    load_mount(options.mount)
+    mount = load_mount(options.mount)
+    poses = None if options.odometry is None else read_odometry(options.odometry, options.odometry_topic, mount.odometry)
     files = [options.config.parent / name for name in named(config) if (options.config.parent / name).is_file()]
     for path in files:
         if options.config.parent.resolve() not in path.resolve().parents:
@@ -72,15 +81,29 @@ def run(options: argparse.Namespace, track: Track = untracked) -> str:
         first, last = span(turns, options.lidar)
         drive = hear(partial)
         began, ended = drive.items[0][0], drive.items[-1][0]
-        if last < began or first > ended:
-            apart = (first - ended if first > ended else began - last) * 1e-9
-            raise EchogridError(f"{options.lidar}: its turns and {options.log} are {apart:.0f} s apart; both need one clock")
+        _together(first, last, began, ended, f"{options.lidar}: its turns and {options.log}")
+        if poses is not None:
+            _together(
+                first,
+                last,
+                int(poses.stamp_ns[0]),
+                int(poses.stamp_ns[-1]),
+                f"{options.odometry}: its poses and the turns of {options.lidar}",
+            )
+            write_poses(partial / POSES, poses)
         write_turns(partial / LIDAR, turns)
         partial.rename(out)
     finally:
         shutil.rmtree(partial, ignore_errors=True)
     seconds, points = (last - first) * 1e-9, int(np.mean([len(turn.points) for turn in turns]))
     return f"{out}: {len(turns)} turns of {points} points in {seconds:.0f} s, {len(drive.scans)} scans of {len(config.radar)} radars"
+
+
+def _together(first: int, last: int, began: int, ended: int, what: str) -> None:
+    """Raises EchogridError unless two spans of time (ns) meet."""
+    if last < began or first > ended:
+        apart = (first - ended if first > ended else began - last) * 1e-9
+        raise EchogridError(f"{what} are {apart:.0f} s apart; both need one clock")
 
 
 def named(config: Config) -> list[str]:
@@ -105,8 +128,19 @@ def write_turns(path: Path, turns: list[Cloud]) -> None:
     np.savez(path, stamp_ns=np.array([turn.stamp_ns for turn in turns], np.int64), offsets=offsets, xyz_cm=xyz_cm)
 
 
-def read_turns(drive: Path) -> list[Cloud]:
-    """Raises EchogridError."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Turn:
+    """One of a drive folder, as it is stored: ten minutes of them fit into memory."""
+
+    stamp_ns: int
+    xyz_cm: NDArray[np.int16]  # (N, 3) in the lidar's frame
+
+    def cloud(self) -> Cloud:
+        return Cloud(self.stamp_ns, self.xyz_cm / 100.0)
+
+
+def read_turns(drive: Path) -> list[Turn]:
+    """In order of time. Raises EchogridError."""
     if not (drive / LIDAR).is_file():
         raise EchogridError(f"{drive}: has no {LIDAR}; bring its lidar with: echogrid-train import own")
     find_drive(drive, None)
@@ -114,7 +148,5 @@ def read_turns(drive: Path) -> list[Cloud]:
     offsets, points = arrays["offsets"], arrays["xyz_cm"]
     if len(offsets) != len(arrays["stamp_ns"]) + 1 or offsets[-1] != len(points):
         raise EchogridError(f"{drive / LIDAR}: its offsets do not fit its points")
-    return [
-        Cloud(int(stamp), points[begin:end] / 100.0)
-        for stamp, begin, end in zip(arrays["stamp_ns"], offsets[:-1], offsets[1:], strict=True)
-    ]
+    order = np.argsort(arrays["stamp_ns"], kind="stable").tolist()
+    return [Turn(int(arrays["stamp_ns"][index]), points[offsets[index] : offsets[index + 1]]) for index in order]

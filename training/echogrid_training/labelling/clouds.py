@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import struct
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +11,7 @@ import numpy as np
 from echogrid.core.messages import Floats
 from echogrid.errors import EchogridError
 from echogrid_training.drives.pcd import load_pcd
+from echogrid_training.labelling import bag
 from echogrid_training.labelling.point_cloud2 import decode_cloud
 from echogrid_training.sources import load_npz, some
 
@@ -33,17 +32,13 @@ def clouds(source: Path, topic: str | None) -> Iterator[Cloud]:
     """In the source's order. `topic` where a bag has several clouds. Raises EchogridError."""
     if not source.exists():
         raise EchogridError(f"{source}: there is no such file or folder with a lidar's recording")
-    if source.is_file():
-        if source.suffix != ".mcap":
-            raise EchogridError(f"{source}: expected an .mcap file, or a folder: a bag of ROS 2 with one, or files {', '.join(FILES)}")
-        yield from _mcap([source], topic)
-        return
-    bags = sorted(source.glob("*.mcap"))
+    bags = bag.files(source)
     if bags:
-        yield from _mcap(bags, topic)
+        for stamp_ns, _, points in bag.messages(bags, CLOUD, topic, "--topic", decode_cloud):
+            yield Cloud(stamp_ns, points)
         return
-    if any(source.glob("*.db3")):
-        raise EchogridError(f"{source}: is a bag in SQLite; make an MCAP of it with: ros2 bag convert")
+    if source.is_file():
+        raise EchogridError(f"{source}: expected an .mcap file, or a folder: a bag of ROS 2 with one, or files {', '.join(FILES)}")
     found = sorted((path for path in source.iterdir() if path.suffix in FILES), key=_stamp)
     if not found:
         raise EchogridError(
@@ -75,38 +70,3 @@ def _points(path: Path) -> Floats:
         raise EchogridError(f"{path}: has points of shape {points.shape}, expected (N, 3)")
     kept: Floats = points[np.isfinite(points).all(axis=1)]
     return kept
-
-
-def _mcap(files: list[Path], topic: str | None) -> Iterator[Cloud]:
-    try:
-        from mcap.exceptions import McapError
-        from mcap.reader import make_reader
-    except ImportError as error:
-        raise EchogridError(f"{files[0]}: mcap is not installed: pip install mcap") from error
-
-    for path in files:
-        with path.open("rb") as file:
-            try:
-                reader = make_reader(file)
-                wanted = _topic(path, reader.get_summary(), topic)
-                for _, channel, message in reader.iter_messages(topics=[wanted]):
-                    if channel.message_encoding != "cdr":
-                        raise ValueError(f"its clouds are encoded as {channel.message_encoding}, expected cdr")
-                    stamp_ns, _, points = decode_cloud(message.data)
-                    yield Cloud(stamp_ns, points)
-            except (McapError, ValueError, KeyError, EOFError, struct.error, zlib.error) as error:
-                raise EchogridError(f"{path}: cannot be read as a lidar's recording: {error}") from error
-
-
-def _topic(path: Path, summary: object, topic: str | None) -> str:
-    channels = [] if summary is None else list(summary.channels.values())  # type: ignore[attr-defined]
-    schemas = {} if summary is None else summary.schemas  # type: ignore[attr-defined]
-    kinds = {one.topic: schemas[one.schema_id].name if one.schema_id in schemas else "no type" for one in channels}
-    fitting = sorted(name for name, kind in kinds.items() if kind == CLOUD)
-    if topic is not None and topic not in fitting:
-        raise EchogridError(f"{path}: has no topic {topic} of type {CLOUD}, found {some(fitting)}")
-    if topic is None and len(fitting) != 1:
-        known = some(f"{name} ({kind})" for name, kind in sorted(kinds.items()))
-        hint = "give one with --topic" if fitting else f"expected one of type {CLOUD}"
-        raise EchogridError(f"{path}: has {len(fitting)} topics with clouds: {hint}; its topics are {known}")
-    return topic or fitting[0]

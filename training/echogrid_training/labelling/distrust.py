@@ -1,6 +1,6 @@
 """What of a lidar's truth to distrust: its clock, its place on the car, and how little the car moved.
 
-The clock is found by sharpness: turns that dead reckoning places at the right moment put what stands into the fewest cells.
+The clock is found by sharpness: turns that are placed at the right moment put what stands into the fewest cells.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from echogrid.config.tables import Config
-from echogrid.core.messages import EgoMotion
+from echogrid.core.messages import Floats
 from echogrid.core.motion.odometry import EgoState
 from echogrid_training.labelling.lidar_mount import LidarMount, base_from_lidar
-from echogrid_training.labelling.lidar_truth import Placed, poses_at
+from echogrid_training.labelling.lidar_truth import Placed, Where
 from echogrid_training.labelling.lidar_turn import standing
 
 ASKED = 80  # turns that sharpness is tried on
@@ -38,20 +38,19 @@ class Doubt:
     sentence: str
 
 
-def doubts(turns: Sequence[Placed], missed: int, motion: list[EgoMotion], mount: LidarMount, config: Config) -> list[Doubt]:
-    """`missed`: turns without a pose. At least one turn."""
+def doubts(turns: Sequence[Placed], missed: int, where: Where, mount: LidarMount, config: Config, *, level: bool) -> list[Doubt]:
+    """`missed`: turns without a pose; `where`: poses at other times; `level`: the ground is taken to be. At least one turn."""
     found = []
     if missed:
-        found.append(
-            Doubt("no-pose", f"{missed} of {missed + len(turns)} turns lie where there is no speed and yaw rate; they are left out")
-        )
+        found.append(Doubt("no-pose", f"{missed} of {missed + len(turns)} turns lie where no pose is known; they are left out"))
     if len(turns) < LEAST_TURNS:
         found.append(Doubt("few-turns", f"{len(turns)} turns, expected {LEAST_TURNS} and more: little is seen from several places"))
     slow = float(np.mean([abs(turn.ego.speed) < STANDING for turn in turns]))
     if slow > MOST_STANDING:
         found.append(Doubt("standing", f"the car stands in {slow:.0%} of the turns: what it sees from there counts as often, errors too"))
-    found += _ground(turns, mount)
-    found += _delay(turns, motion, mount, config)
+    if level:
+        found += _ground(turns, mount)
+    found += _delay(turns, where, mount, config)
     found += _yaw(turns)
     return found
 
@@ -60,7 +59,7 @@ def _ground(turns: Sequence[Placed], mount: LidarMount) -> list[Doubt]:
     """A plane through what should be ground: its height under the car, and its tilt."""
     pose, parts = base_from_lidar(mount), [np.empty((0, 3))]
     for turn in _some(turns, ASKED // 4):
-        points = pose.apply(turn.cloud.points)
+        points = turn.points.astype(float)
         away = np.hypot(points[:, 0] - pose.place[0], points[:, 1] - pose.place[1])
         parts.append(points[(away > AHEAD[0]) & (away < AHEAD[1]) & (np.abs(points[:, 2]) < LOW)][::7])
     points = np.concatenate(parts)
@@ -86,15 +85,15 @@ def _ground(turns: Sequence[Placed], mount: LidarMount) -> list[Doubt]:
     return out
 
 
-def _delay(turns: Sequence[Placed], motion: list[EgoMotion], mount: LidarMount, config: Config) -> list[Doubt]:
+def _delay(turns: Sequence[Placed], where: Where, mount: LidarMount, config: Config) -> list[Doubt]:
     turning = [turn for turn in turns if abs(turn.ego.yaw_rate) > TURNING]
     if len(turning) < 10:
         return [Doubt("clock-unknown", "the car hardly turned, so a wrong clock between lidar and CAN would not show")]
-    some = _some(turning, ASKED)
+    some, place = _some(turning, ASKED), base_from_lidar(mount).place[:2]
     counts = []
     for delay in DELAYS_MS:
-        stamps = np.array([turn.cloud.stamp_ns - round(delay * 1e6) for turn in some], np.int64)
-        counts.append(_cells(some, poses_at(motion, stamps), mount, config))
+        stamps = np.array([turn.stamp_ns - round(delay * 1e6) for turn in some], np.int64)
+        counts.append(_cells(some, where(stamps), place, config))
     best = int(np.argmin(counts))
     if counts[best] < (1 - CLEARLY) * counts[len(counts) // 2] and abs(DELAYS_MS[best]) > 20:
         return [
@@ -121,18 +120,18 @@ def _yaw(turns: Sequence[Placed]) -> list[Doubt]:
     return [Doubt("yaw", f"the lidar is turned by {yaw:+.1f}° against what is said, or the car goes sideways")]
 
 
-def _cells(turns: Sequence[Placed], poses: Sequence[EgoState | None], mount: LidarMount, config: Config) -> float:
-    """Cells of FINE m that hold what stands near, of every turn that has a pose; per turn."""
-    pose, cells, used = base_from_lidar(mount), [np.empty(0, np.int64)], 0
+def _cells(turns: Sequence[Placed], poses: Sequence[EgoState | None], place: Floats, config: Config) -> float:
+    """Cells of FINE m that hold what stands near, of every turn that has a pose; per turn. `place` (2,) m of the lidar in base."""
+    cells, used = [np.empty(0, np.int64)], 0
     for turn, ego in zip(turns, poses, strict=True):
         if ego is None:
             continue
         used += 1
-        points = pose.apply(turn.cloud.points[::5])
-        points = points[standing(points, config.body)]
-        near = points[np.hypot(points[:, 0] - pose.place[0], points[:, 1] - pose.place[1]) < NEAR]
-        place = np.floor(ego.odom_from_base.apply(near[:, :2]) / FINE).astype(np.int64)
-        cells.append(place[:, 0] * 1_000_003 + place[:, 1])
+        points = turn.points[::5].astype(float)
+        points = points[standing(points, turn.height[::5].astype(float), config.body)]
+        near = points[np.hypot(*(points[:, :2] - place).T) < NEAR]
+        cell = np.floor(ego.odom_from_base.apply(near[:, :2]) / FINE).astype(np.int64)
+        cells.append(cell[:, 0] * 1_000_003 + cell[:, 1])
     return len(np.unique(np.concatenate(cells))) / max(used, 1)
 
 

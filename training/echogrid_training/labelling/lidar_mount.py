@@ -12,9 +12,22 @@ from msgspec import Meta
 
 from echogrid.config.toml import Table, load
 from echogrid.core.messages import Floats
+from echogrid.core.motion.se2 import SE2
 
 Angle = Annotated[float, Meta(ge=-360, le=360)]
 Metres = Annotated[float, Meta(ge=-20, le=20)]
+
+
+class OdometryMount(Table, frozen=True):
+    """[odometry]: where the child frame of the odometry topic is in base."""
+
+    x: Metres = 0.0
+    y: Metres = 0.0
+    yaw_deg: Angle = 0.0
+    latency_ms: Annotated[float, Meta(ge=-1000, le=1000)] = 0.0  # taken off the stamps
+
+    def base_from_child(self) -> SE2:
+        return SE2(self.x, self.y, math.radians(self.yaw_deg))
 
 
 class LidarMount(Table, frozen=True):
@@ -27,6 +40,7 @@ class LidarMount(Table, frozen=True):
     pitch_deg: Angle = 0.0  # positive: nose down
     roll_deg: Angle = 0.0
     latency_ms: Annotated[float, Meta(ge=-1000, le=1000)] = 0.0  # taken off the stamps, which should be of the middle of a turn
+    odometry: OdometryMount = OdometryMount()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from echogrid.config.tables import Body
 from echogrid.core.messages import Floats
 from echogrid.core.motion.se2 import SE2
-from echogrid_training.labelling.lidar_mount import Pose3
 from echogrid_training.sensors.lidar import AZIMUTHS, GROUND, ROOF, bearings
 from echogrid_training.truth.ground_truth import REACH
 
@@ -27,26 +26,28 @@ class Reduced:
     excluded: NDArray[np.bool_]  # (AZIMUTHS,) the range bounds what is free, and nothing stands there
 
 
-def standing(points: Floats, body: Body) -> NDArray[np.bool_]:
-    """(N,) of points (N, 3) m in base: neither ground nor overhead nor the car itself."""
-    x, y, z = points.T
+def standing(points: Floats, height: Floats, body: Body) -> NDArray[np.bool_]:
+    """(N,) of points (N, 3) m in base and their height (N,) m above the ground: neither ground nor overhead nor the car itself."""
+    x, y = points.T[:2]
     front = body.length - body.rear_overhang
     own = (x > -body.rear_overhang - OWN) & (x < front + OWN) & (np.abs(y) < body.width / 2 + OWN)
-    high: NDArray[np.bool_] = (z > GROUND) & (z < ROOF) & ~own
+    high: NDArray[np.bool_] = (height > GROUND) & (height < ROOF) & ~own
     return high
 
 
-def reduce(points: Floats, base_from_lidar: Pose3, odom_from_base: SE2, body: Body, moving: Floats) -> Reduced:
-    """`points` (N, 3) m in the lidar's frame, `moving` (M, 2) m in odom: detections that moved at that time."""
-    base = base_from_lidar.apply(points)
-    stands = standing(base, body)
-    lidar = odom_from_base.apply(base_from_lidar.place[None, :2])[0]
-    flat = odom_from_base.apply(base[:, :2]) - lidar
+def reduce(points: Floats, height: Floats, place: Floats, odom_from_base: SE2, body: Body, moving: Floats) -> Reduced:
+    """`points` (N, 3) m in base, their `height` (N,) m above the ground, `place` (2,) m of the lidar in base.
+
+    `moving` (M, 2) m in odom: detections that moved at that time.
+    """
+    stands = standing(points, height, body)
+    lidar = odom_from_base.apply(place[None])[0]
+    flat = odom_from_base.apply(points[:, :2]) - lidar
     distance = np.hypot(flat[:, 0], flat[:, 1])
     ray = np.round(np.arctan2(flat[:, 1], flat[:, 0]) * (AZIMUTHS / (2 * np.pi))).astype(np.intp) % AZIMUTHS
     ranges = np.full(AZIMUTHS, np.inf)
     np.minimum.at(ranges, ray[stands], distance[stands])
-    low = ~stands & (base[:, 2] <= GROUND)
+    low = ~stands & (height <= GROUND)
     ground = np.zeros(AZIMUTHS)
     np.maximum.at(ground, ray[low], distance[low])
     unseen = np.isinf(ranges) & (ground == 0)  # nothing came back: a coarser lidar, or nobody knows
