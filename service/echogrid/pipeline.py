@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import threading
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import can
 
@@ -11,8 +14,9 @@ from echogrid.can.signals import SignalReader
 from echogrid.config.tables import Config
 from echogrid.core.health import Health
 from echogrid.core.mapper import Mapper, MapUpdate
-from echogrid.core.messages import RadarScan
+from echogrid.core.messages import PoseFix, RadarScan
 from echogrid.core.motion.error_filter import ErrorFilter
+from echogrid.core.motion.map_frame import MapFrame
 from echogrid.core.trust.watch import State
 from echogrid.model.sensor_model import sensor_model
 from echogrid.store.stored_map import describe
@@ -38,6 +42,7 @@ class Pipeline:
             cycle_ns=round(config.map.cycle_ms * 1e6),
             max_age_ns=round(config.map.max_age_ms * 1e6),
             errors=ErrorFilter(tuple(mounts), config.motion.learns),
+            frame=None if config.pose is None else MapFrame(config.pose.base_from_point(), self.health.pose),
         )
 
     def add(self, bus: str, message: can.Message) -> MapUpdate | None:
@@ -45,6 +50,8 @@ class Pipeline:
         for item in self.signals.add(bus, message):
             if isinstance(item, RadarScan):
                 self.mapper.on_scan(item)
+            elif isinstance(item, PoseFix):
+                self.mapper.on_pose(item)
             else:
                 self.mapper.on_motion(item)
         if self.signals.newest_ns is None:
@@ -65,3 +72,13 @@ class Pipeline:
         if newest_ns is None:
             return State("stale", ("no map yet: no frame so far",))
         return self.mapper.watch.state(newest_ns + silence_ns + self.signals.time.waiting_ns)
+
+    def pose(self, silence_ns: int) -> dict[str, Any] | None:
+        """Of the poses from outside, for a status: their state and why, where odom lies, and counters; None where there are none."""
+        frame = self.mapper.frame
+        if frame is None:
+            return None
+        state, reason = frame.state((self.signals.newest_ns or 0) + silence_ns + self.signals.time.waiting_ns)
+        at = frame.map_from_odom
+        placed = None if at is None else {"x": round(at.x, 3), "y": round(at.y, 3), "yaw_deg": round(math.degrees(at.yaw), 4)}
+        return {"state": state, "reason": reason, "map_from_odom": placed, **asdict(frame.counts)}

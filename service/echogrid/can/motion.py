@@ -45,18 +45,18 @@ class MotionReader:
         rear = {"rear_left": wheels.rear_left, "rear_right": wheels.rear_right}
         self.wheels = QuantityReader(dbc, [wheel_message], rear, "wheel_speeds")
         self.yaw_rate = QuantityReader(dbc, [yaw_message], {"yaw_rate": yaw.yaw_rate}, "yaw_rate")
-        self.wheel_id, self.yaw_id = _id(wheel_message), _id(yaw_message)
+        self.wheel_id, self.yaw_id = id_of(wheel_message), id_of(yaw_message)
         self.checks = {
-            self.wheel_id: _FrameCheck(dbc, wheel_message, wheels.counter, wheels.crc, "wheel_speeds"),
-            self.yaw_id: _FrameCheck(dbc, yaw_message, yaw.counter, yaw.crc, "yaw_rate"),
+            self.wheel_id: FrameCheck(dbc, wheel_message, wheels.counter, wheels.crc, "wheel_speeds"),
+            self.yaw_id: FrameCheck(dbc, yaw_message, yaw.counter, yaw.crc, "yaw_rate"),
         }
         self.direction: SignalLayout | None = None
         self.direction_id: FrameId | None = None
         if profile.direction is not None:
             message = dbc.message(profile.direction.message, "direction.message")
             self.direction = dbc.integer(message, profile.direction.signal, "direction.signal")
-            self.direction_id = _id(message)
-            self.checks.setdefault(self.direction_id, _FrameCheck(dbc, message, None, None, "direction"))
+            self.direction_id = id_of(message)
+            self.checks.setdefault(self.direction_id, FrameCheck(dbc, message, None, None, "direction"))
         self.reverse = False
 
     @property
@@ -94,7 +94,7 @@ class MotionReader:
         return motion if continues else [replace(sample, continues=False) for sample in motion]
 
 
-class _FrameCheck:
+class FrameCheck:
     """Length, checksum and counter of one message; remembers the counter, and a jump of time that may be a stall of the frames' stamps."""
 
     def __init__(self, dbc: Dbc, message: Message, counter: str | None, crc: FrameCrc | None, key: str) -> None:
@@ -143,5 +143,5 @@ class _FrameCheck:
         return caught_up
 
 
-def _id(message: Message) -> FrameId:
+def id_of(message: Message) -> FrameId:
     return message.frame_id, message.is_extended_frame

@@ -214,6 +214,65 @@ class MotionProfile(Table, frozen=True, tag_field="kind", tag="motion"):
     dbc: str | None = None
 
 
+class Place(Table, frozen=True):
+    """Of a point of the car: `x` and `y` in a frame of metres, or `latitude` and `longitude`."""
+
+    message: str
+    x: Quantity | None = None
+    y: Quantity | None = None
+    latitude: Quantity | None = None
+    longitude: Quantity | None = None
+    latency_ms: Milliseconds = 0.0
+    counter: str | None = None
+    crc: FrameCrc | None = None
+
+    def __post_init__(self) -> None:
+        here = [self.x is not None, self.y is not None]
+        on_earth = [self.latitude is not None, self.longitude is not None]
+        if here != [not there for there in on_earth] or here[0] != here[1]:
+            raise ValueError("needs either x and y, or latitude and longitude")
+        _measures("length", x=self.x, y=self.y)
+        _measures("angle", latitude=self.latitude, longitude=self.longitude)
+
+    @property
+    def is_on_earth(self) -> bool:
+        """Whether an origin is needed to make metres of it."""
+        return self.latitude is not None
+
+    @property
+    def quantities(self) -> dict[str, Quantity]:
+        """The two, in this order."""
+        both = {"latitude": self.latitude, "longitude": self.longitude} if self.is_on_earth else {"x": self.x, "y": self.y}
+        return {name: quantity for name, quantity in both.items() if quantity is not None}
+
+
+class Heading(Table, frozen=True):
+    """Counter-clockwise from the frame's x axis; from the east where the place is latitude and longitude. `message`: if not the place's."""
+
+    yaw: Quantity
+    message: str | None = None
+    latency_ms: Milliseconds = 0.0
+    counter: str | None = None
+    crc: FrameCrc | None = None
+
+    def __post_init__(self) -> None:
+        _measures("angle", yaw=self.yaw)
+        if self.message is None and (self.latency_ms or self.counter or self.crc):
+            raise ValueError("latency_ms, counter or crc found, expected with a message of its own: the place's are those of both")
+
+
+class PoseProfile(Table, frozen=True, tag_field="kind", tag="pose"):
+    """Where a pose from outside comes from."""
+
+    place: Place
+    heading: Heading
+    dbc: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.heading.message == self.place.message:
+            raise ValueError(f"heading.message is the place's, '{self.place.message}'; expected none, or another")
+
+
 def shipped() -> Path:
     """The folder of the DBC files and profiles that come with echogrid."""
     return Path(str(files("echogrid") / "dbc"))
@@ -238,3 +297,8 @@ def load_radar(path: Path) -> RadarProfile:
 def load_motion(path: Path) -> MotionProfile:
     """Raises EchogridError."""
     return load(path, MotionProfile)
+
+
+def load_pose(path: Path) -> PoseProfile:
+    """Raises EchogridError."""
+    return load(path, PoseProfile)

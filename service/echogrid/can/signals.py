@@ -1,4 +1,4 @@
-"""CAN messages in, scans and ego motion out: who reads which id on which bus."""
+"""CAN messages in; scans, ego motion and poses from outside out: who reads which id on which bus."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ import can
 
 from echogrid.can.dbc import Dbc
 from echogrid.can.motion import MotionReader
-from echogrid.can.profile import MotionProfile, RadarProfile, find, load_motion, load_radar
+from echogrid.can.pose import PoseReader
+from echogrid.can.profile import MotionProfile, PoseProfile, RadarProfile, find, load_motion, load_pose, load_radar
 from echogrid.can.radar import FrameId, RadarReader
 from echogrid.config.tables import Bus, Config
 from echogrid.core.health import Health, SensorHealth
-from echogrid.core.messages import EgoMotion, RadarScan
+from echogrid.core.messages import EgoMotion, PoseFix, RadarScan
 from echogrid.errors import EchogridError
 
+Reader = RadarReader | MotionReader | PoseReader
 NOTHING = ()
 STEP_NS = 1_000_000_000  # a frame that is older or newer than the newest by more was not reordered: it is a stray, or time has stepped
 BACK_FOR_NS = 1_000_000_000  # if frames stay older than the newest one for so long, the clock was set back
@@ -66,7 +68,7 @@ class SignalReader:
         self.source = source
         self.health = health
         self.time = TrafficTime()
-        self.readers: dict[tuple[str, FrameId], RadarReader | MotionReader] = {}
+        self.readers: dict[tuple[str, FrameId], Reader] = {}
         with _named(source, "motion"):
             path = find(config.motion.profile, source.parent)
             motion = load_motion(path)
@@ -79,12 +81,18 @@ class SignalReader:
                 dbc = Dbc(_dbc_path(profile, radar.dbc, path, source), path)
                 sensor = health.sensors.setdefault(radar.name, SensorHealth())
                 self._register(radar.bus, RadarReader(radar.name, profile, dbc, radar.id_offset, sensor, radar.latency_ms), radar.name)
+        if config.pose is not None and config.pose.bus is not None:
+            with _named(source, "pose"):
+                path = find(str(config.pose.profile), source.parent)
+                pose = load_pose(path)
+                dbc = Dbc(_dbc_path(pose, config.pose.dbc, path, source), path)
+                self._register(config.pose.bus, PoseReader(pose, dbc, config.pose, health.pose), "pose")
 
-    def _register(self, bus: str, reader: RadarReader | MotionReader, name: str) -> None:
+    def _register(self, bus: str, reader: Reader, name: str) -> None:
         for frame_id in sorted(reader.ids):
             other = self.readers.setdefault((bus, frame_id), reader)
             if other is not reader:
-                taken = "motion" if isinstance(other, MotionReader) else other.sensor
+                taken = other.sensor if isinstance(other, RadarReader) else "motion" if isinstance(other, MotionReader) else "pose"
                 raise EchogridError(
                     f"'{taken}' and '{name}' both read id 0x{frame_id[0]:X} on bus '{bus}': give one of them another bus or id_offset"
                 )
@@ -98,7 +106,7 @@ class SignalReader:
         """The ids that are read on a bus, for the kernel's filter."""
         return sorted(frame_id for name, frame_id in self.readers if name == bus)
 
-    def add(self, bus: str, message: can.Message) -> Sequence[RadarScan | EgoMotion]:
+    def add(self, bus: str, message: can.Message) -> Sequence[RadarScan | EgoMotion | PoseFix]:
         """What a message completes. A bad one changes nothing and is counted; an error frame is not traffic."""
         if message.is_error_frame:
             return NOTHING
@@ -155,7 +163,7 @@ def _number(name: str) -> int | None:
     return int(digits) + (not name.startswith("PCAN_"))
 
 
-def _dbc_path(profile: RadarProfile | MotionProfile, override: str | None, path: Path, source: Path) -> Path:
+def _dbc_path(profile: RadarProfile | MotionProfile | PoseProfile, override: str | None, path: Path, source: Path) -> Path:
     if override is not None:
         return source.parent / override
     if profile.dbc is None:

@@ -13,6 +13,7 @@ from echogrid.config.loading import load_config
 from echogrid.errors import EchogridError
 from echogrid.files import whole
 from echogrid.pipeline import Pipeline
+from echogrid.zenoh.publisher import check_pose_key
 
 
 def command(
@@ -33,10 +34,13 @@ def command(
         raise EchogridError("either a LOG or --seconds can be checked, not both")
     config = load_config(config_path)
     readers = Pipeline(config, config_path).signals.readers
+    check_pose_key(config.pose, config.vehicle, config.ros)
     if log is None and seconds is None:
         if as_json or fix_out is not None or page is not None:
             raise EchogridError("--json, --fix-out and --report need a LOG or --seconds")
-        print(f"{config_path}: {len(config.radar)} radars and ego motion on {len(config.bus)} buses, {len(readers)} ids are read")
+        pose = config.pose
+        beside = "" if pose is None else f", and a pose from {f'bus {pose.bus}' if pose.bus else f'key {pose.key}'},"
+        print(f"{config_path}: {len(config.radar)} radars and ego motion{beside} on {len(config.bus)} buses, {len(readers)} ids are read")
         return True
     name = log.name if log is not None else "the live buses"
     with progress(f"check {name}") as advance:

@@ -167,7 +167,7 @@ def render(report: Report, title: str) -> str:
                 f"by Doppler, {name}: yaw {told['yaw_off_deg']:+.2f} ± {told['yaw_sigma_deg']:.2f}°, "
                 f"offset {told['offset_ms']:+.0f} ± {told['offset_sigma_ms']:.0f} ms"
             )
-    if any(finding.code in ("motion_missing", "radar_missing") for finding in report.findings):
+    if any(finding.code in ("motion_missing", "radar_missing", "pose_missing") for finding in report.findings):
         lines += report.traffic.strangers()
     lines.append("")
     for finding, fixes in said(report):

@@ -103,6 +103,7 @@ class Recorder:
             "detections": health.detections,
             "static_detections": health.static_detections,
             "distance_m": round(self.pipeline.mapper.odometry.distance, 2),
+            "pose": self.pipeline.pose(0),
             "learned": self.pipeline.mapper.odometry.errors.learned(),
             "cycle_ms": {
                 "p50": round(float(np.percentile(cycle_ms, 50)), 3),

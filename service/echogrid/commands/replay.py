@@ -22,6 +22,8 @@ from echogrid.pipeline import Pipeline
 from echogrid.recording.replay_recording import ReplayRecording
 from echogrid.store.tile_keeper import TileKeeper
 
+NO_POSE = "pose.key: a recording holds no messages of Zenoh, so its poses are not there; poses over CAN are"
+
 
 def command(
     path: Path, config: Path | None, out: Path, *, realtime: bool, model: str | None, record: Path | None, store: Path | None
@@ -99,6 +101,7 @@ def replay(
                 recording.discard()
             raise torn or NoMapError(nothing_known(drive, pipeline, traffic))
         faults = log.times.faults() + traffic.coarse(log.times)
+        beside = traffic.strangers() + ([] if config.pose is None or config.pose.key is None else [NO_POSE])
         pipeline.mapper.end_cycle()
         if not pipeline.health.cycles:
             if recording is not None:
@@ -106,11 +109,11 @@ def replay(
             if torn is not None:
                 raise torn
             why = "; ".join(faults) or why_none(pipeline, traffic)
-            recorder.write(out, truth, faults, [*log.account.notes, *log.times.notes(), *traffic.strangers()])
+            recorder.write(out, truth, faults, [*log.account.notes, *log.times.notes(), *beside])
             raise NoMapError(f"{drive.log}: no map came of it: {why}")
         if keeper is not None and torn is None:
             _flush(keeper)  # before the log is read, so that no frame has to wait
-        summary = recorder.write(out, truth, faults, log.account.notes + log.times.notes() + traffic.strangers())
+        summary = recorder.write(out, truth, faults, log.account.notes + log.times.notes() + beside)
         if keeper is not None and torn is None:
             _flush(keeper)
     if torn is not None:

@@ -6,6 +6,7 @@ from collections import Counter
 
 import can
 
+from echogrid.can.motion import MotionReader
 from echogrid.can.radar import FrameId, RadarReader
 from echogrid.can.signals import SignalReader
 from echogrid.config.tables import Config
@@ -23,7 +24,6 @@ class Traffic:
         self.motion = self.repeated = 0
         self._config = config
         self._readers = signals.readers
-        self._motion = config.motion.bus, set(signals.ids(config.motion.bus))
         self._newest: dict[FrameId, float] = {}
         self._heard: set[tuple[str, FrameId]] = set()  # that are read
 
@@ -37,7 +37,7 @@ class Traffic:
                 self.unread[bus, channel if isinstance(channel, int) else str(channel or ""), frame_id] += 1
             return
         self._heard.add((bus, frame_id))
-        if bus == self._motion[0] and not isinstance(self._readers[bus, frame_id], RadarReader):
+        if isinstance(self._readers[bus, frame_id], MotionReader):
             self.motion += 1
             self.repeated += self._newest.get(frame_id) == message.timestamp
             self._newest[frame_id] = message.timestamp
@@ -90,7 +90,8 @@ class Traffic:
             ids = {frame_id for _, frame_id in own}
             there = Counter(other for other, _, frame_id in self.unread if other not in (None, bus) and frame_id in ids)
             if there:
-                table = f"[[radar]] {reader.sensor}" if isinstance(reader, RadarReader) else "[motion]"
+                other = "[motion]" if isinstance(reader, MotionReader) else "[pose]"
+                table = f"[[radar]] {reader.sensor}" if isinstance(reader, RadarReader) else other
                 first = min(number for number, _ in ids)
                 said.append(
                     f"ids such as 0x{first:X} are on bus '{there.most_common(1)[0][0]}', expected on '{bus}': give that bus to {table}"

@@ -93,6 +93,7 @@ def _problems(config: Config) -> Iterator[str]:
                 f"radar[{index}]: '{radar.name}' is mounted at x = {radar.x:g}, y = {radar.y:g} m, outside the car, "
                 f"which reaches from x = {rear:g} to {front:g} and y = {-side:g} to {side:g} m in base (see [body])"
             )
+    yield from _about_pose(config, buses)
     if config.publish.tls is not None and config.publish.plaintext:
         yield "publish.plaintext: found beside [publish.tls], expected one of them"
     for key, endpoints in (("listen", config.publish.listen), ("connect", config.publish.connect)):
@@ -100,6 +101,29 @@ def _problems(config: Config) -> Iterator[str]:
             problem = _exposed(endpoint, config.publish)
             if problem is not None:
                 yield f"publish.{key}: '{endpoint}' {problem}"
+
+
+def _about_pose(config: Config, buses: list[str]) -> Iterator[str]:
+    pose, tls = config.pose, config.publish.tls is not None
+    if pose is None:
+        return
+    if (pose.bus is None) == (pose.key is None):
+        yield f"pose: {'neither' if pose.bus is None else 'both'} bus and key found, expected one: a CAN bus, or a key of Zenoh"
+    elif pose.key is None:
+        if pose.bus not in buses:
+            yield f"pose.bus: no [[bus]] is named '{pose.bus}', found {', '.join(buses)}{_near(str(pose.bus), buses)}"
+        if pose.profile is None:
+            yield "pose.profile: is missing, expected the path of a profile that ends in .toml"
+        if pose.senders:
+            yield "pose.senders: found beside bus, expected beside key: CAN has no certificates"
+    else:
+        extra = next((name for name in ("profile", "dbc", "origin") if getattr(pose, name) is not None), None)
+        if extra is not None:
+            yield f"pose.{extra}: found beside key, expected beside bus: over Zenoh a pose is an Odometry in metres"
+        if tls and not pose.senders:
+            yield "pose.senders: is missing, expected the common names in the certificates of those who may send, as [publish.tls] is given"
+        if pose.senders and not tls:
+            yield "pose.senders: found without [publish.tls], expected with it: without certificates nobody has a name"
 
 
 def _near(name: str, known: Iterable[str]) -> str:

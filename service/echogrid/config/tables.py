@@ -19,6 +19,8 @@ from echogrid.core.radar.static_gate import GateNoise
 Positive = Annotated[float, Meta(ge=1e-6, le=1e6)]  # wide enough for whatever unit, and nothing overflows
 NotNegative = Annotated[float, Meta(ge=0, le=1e6)]
 Latency = Annotated[float, Meta(ge=-1000, le=1000)]
+Latitude = Annotated[float, Meta(ge=-90, le=90)]  # degrees
+Longitude = Annotated[float, Meta(ge=-180, le=180)]
 Name = Annotated[str, Meta(pattern="^[A-Za-z0-9_-]+$")]  # goes into Zenoh keys
 NAMED = ("analytic", "default", "paper")  # models that are not a path
 NOISE, BEAM = GateNoise(), BeamModel()
@@ -63,6 +65,24 @@ class Motion(Table, frozen=True):
     yaw_rate_bias_deg_s: Annotated[float, Meta(ge=-10, le=10)] = 0.0  # what the sensor shows of no turn, taken off
     latency_ms: Latency = 0.0  # of both, added to the profile's
     learns: Literal["driving", "standing", "never"] = "driving"  # when the errors of wheels and yaw rate are learned
+
+
+class Pose(Table, frozen=True):
+    """Where a pose from outside comes from, over a bus or over Zenoh, and of which point of the car it is, in base."""
+
+    bus: str | None = None
+    profile: str | None = None
+    dbc: str | None = None
+    origin: tuple[Latitude, Longitude] | None = None  # of the map frame, where the profile has latitude and longitude
+    key: str | None = None  # Zenoh's key expression of nav_msgs/msg/Odometry
+    senders: tuple[str, ...] = ()  # with [publish.tls]: the common names in the certificates of those who may send it
+    x: Annotated[float, Meta(ge=-100, le=100)] = 0.0  # m
+    y: Annotated[float, Meta(ge=-100, le=100)] = 0.0  # m
+    yaw_deg: Annotated[float, Meta(ge=-360, le=360)] = 0.0
+    latency_ms: Latency = 0.0  # added to the profile's, or to the age that a message's stamp shows
+
+    def base_from_point(self) -> SE2:
+        return SE2(self.x, self.y, math.radians(self.yaw_deg))
 
 
 class Radar(Table, frozen=True):
@@ -191,6 +211,7 @@ class Config(Table, frozen=True):
     bus: tuple[Bus, ...]
     motion: Motion
     radar: tuple[Radar, ...] = ()
+    pose: Pose | None = None
     vehicle: Name = "car"
     model: str = "default"  # one of NAMED, or the path of an .onnx file
     model_sha256: Annotated[str, Meta(pattern="^[0-9a-f]{64}$")] | None = None  # of the path's file

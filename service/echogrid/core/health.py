@@ -26,6 +26,18 @@ class SensorHealth:
 
 
 @dataclass(slots=True)
+class PoseHealth:
+    """Poses from outside, since the start."""
+
+    taken: int = 0  # that placed odom in the map frame
+    invalid: int = 0  # no numbers, flagged invalid by the sender, or too far away
+    old: int = 0  # not newer than the last one
+    untimely: int = 0  # of a time at which the car's own motion is not known, or not any more
+    jumped: int = 0  # that lay far off where dead reckoning had gone since the last one, and were not believed
+    moved: int = 0  # times that such poses agreed for long enough to be believed
+
+
+@dataclass(slots=True)
 class Health:
     """Counters of one run of the service or one replay."""
 
@@ -42,3 +54,4 @@ class Health:
     static_detections: int = 0
     tiles_forgotten: int = 0
     sensors: dict[str, SensorHealth] = field(default_factory=dict)
+    pose: PoseHealth = field(default_factory=PoseHealth)

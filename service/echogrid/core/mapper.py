@@ -14,9 +14,11 @@ from echogrid.core.evidence.history import Detections, History, Looks, Surroundi
 from echogrid.core.evidence.raster import GridSpec, Image
 from echogrid.core.health import Health
 from echogrid.core.map.tiled_map import Shelf, TiledMap, View
-from echogrid.core.messages import EgoMotion, Floats, RadarScan
+from echogrid.core.messages import EgoMotion, Floats, PoseFix, RadarScan
 from echogrid.core.motion.error_filter import Certainty, ErrorFilter
+from echogrid.core.motion.map_frame import MapFrame
 from echogrid.core.motion.odometry import EgoState, Odometry
+from echogrid.core.motion.se2 import SE2
 from echogrid.core.radar.doppler_errors import DopplerErrors
 from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
@@ -54,6 +56,7 @@ class MapUpdate:
     static_points: Floats  # (N, 2) m, base frame at `ego.stamp_ns`
     certainty: Certainty
     judged: Judged = NOTHING_JUDGED  # all detections, those among them
+    map_from_odom: SE2 | None = None  # by poses from outside, if there were any
 
 
 class Mapper:
@@ -74,8 +77,9 @@ class Mapper:
         cycle_ns: int,
         max_age_ns: int,
         errors: ErrorFilter | None = None,
+        frame: MapFrame | None = None,
     ) -> None:
-        """`errors`: what is known of the motion sensors' errors; None: nothing so far."""
+        """`errors`: what is known of the motion sensors' errors; None: nothing so far. `frame`: for poses from outside, if there are any."""
         self.mounts = mounts
         self.infer = infer
         self.map = occupancy
@@ -85,6 +89,7 @@ class Mapper:
         self.max_age_ns = max_age_ns
         self.watch = Watch(mounts, health.sensors, noise)
         self.odometry = Odometry(ErrorFilter(tuple(mounts)) if errors is None else errors)
+        self.frame = frame
         self.doppler = DopplerErrors()
         self.history = History()
         self.pending: list[RadarScan] = []
@@ -122,6 +127,11 @@ class Mapper:
         self.health.detections += len(scan)
         self.pending.append(scan)
 
+    def on_pose(self, fix: PoseFix) -> None:
+        """Moves the frame that does not drift, at the end of the cycle; never the map."""
+        if self.frame is not None:
+            self.frame.add(fix)
+
     def update(self, now_ns: int) -> MapUpdate | None:
         """Ends the cycle if its time is up; the map's next state, or None where there was nothing to add."""
         if self.cycle_end_ns is not None and now_ns < self.cycle_end_ns:
@@ -133,6 +143,8 @@ class Mapper:
 
     def end_cycle(self) -> MapUpdate | None:
         """Predict, doubt, learn, gate, remember, infer, integrate: what the pending scans say goes into the map, if it takes any here."""
+        if self.frame is not None:
+            self.frame.settle(self.odometry)
         placed = self._trusted(self._place(self.pending))
         self.pending = []
         if not placed:
@@ -156,13 +168,16 @@ class Mapper:
         self.health.tiles_forgotten = self.map.forgotten
         self.watch.mapped_ns = max(one.scan.received_ns for one in placed)
         certainty = self.odometry.errors.certainty(ego.speed, ego.yaw_rate)
-        return MapUpdate(ego, static.points, certainty, self._judged(placed, near, standing, beside))
+        map_from_odom = None if self.frame is None else self.frame.map_from_odom
+        return MapUpdate(ego, static.points, certainty, self._judged(placed, near, standing, beside), map_from_odom)
 
     def _start_new_map(self, why: str) -> None:
         """Another map: where the car is in the old one is not known any more."""
         self.map.clear()
         self.history = History()
         self.odometry.restart()
+        if self.frame is not None:
+            self.frame.restart()
         self.doppler.restart()
         self.pending = []
         self.newest_ns.clear()

@@ -68,4 +68,15 @@ class YawRate:
     continues: bool = True
 
 
+@dataclass(frozen=True, slots=True)
+class PoseFix:
+    """A pose from outside: where a point of the car is in the map frame, and where the point's x axis shows, each with its own time."""
+
+    stamp_ns: int  # of the place
+    x: float  # m
+    y: float  # m
+    yaw_ns: int
+    yaw: float  # rad
+
+
 EgoMotion = Speed | YawRate

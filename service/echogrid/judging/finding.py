@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 CODES = {
     "motion_missing": "no frame of wheel speeds or yaw rate was decoded",
+    "pose_missing": "no frame of the pose from outside is in the recording",
     "radar_missing": "no frame of the radar is in the recording",
     "no_channels": "the recording does not say which bus a frame is of",
     "wrong_channel": "the bus's frames are on another channel of the recording",
@@ -54,7 +55,7 @@ MOST_CONFIDENT = 0.999
 class Finding:
     """`code`: a key of CODES. `radars`: those concerned; none for what concerns ego motion or a bus. `value`: the number of it, in `unit`.
 
-    `sentence` is for a person. `rests_on`: what was looked at. `subject`: a bus's name, or "speed" or "yaw rate", where no radar is meant.
+    `sentence` is for a person. `rests_on`: what was looked at. `subject`: a bus's name, "speed", "yaw rate" or "pose", if no radar.
     """
 
     code: str

@@ -8,12 +8,13 @@ from pathlib import Path
 import can
 
 from echogrid.can.motion import MotionReader
+from echogrid.can.pose import PoseReader
 from echogrid.can.profile import MotionProfile, RadarProfile, find, load_motion, load_radar
 from echogrid.can.radar import RadarReader
 from echogrid.can.signals import SignalReader, bus_of
 from echogrid.config.tables import Config
 from echogrid.core.health import Health
-from echogrid.core.messages import EgoMotion, RadarScan
+from echogrid.core.messages import EgoMotion, PoseFix, RadarScan
 from echogrid.core.radar.scan import FrameKind
 from echogrid.judging.finding import Finding
 from echogrid.judging.judge import LOST, Judgement, counted, judge
@@ -23,7 +24,7 @@ from echogrid.judging.traffic import FrameId, Moved, Owner, judge_traffic
 
 SHORT = 0.5  # share of an owner's frames that are shorter than the DBC says, from which on it is the DBC
 SILENCE = 0.5  # s without a sample or scan
-SPEED, YAW_RATE = "speed", "yaw rate"
+SPEED, YAW_RATE, POSE = "speed", "yaw rate", "pose"
 NO_CHANNELS = Finding(
     "no_channels", "the recording does not say channels, so its buses cannot be told apart", 0.0, "", 0.99, "channels of its frames"
 )
@@ -43,6 +44,7 @@ class Listener:
         self.owned: Counter[str] = Counter()  # frames, by owner
         self.motion: list[EgoMotion] = []
         self.scans: list[RadarScan] = []
+        self.poses: list[PoseFix] = []
         self.channels: dict[str, list[str]] = {bus.name: [] for bus in config.bus}
         self._known: dict[object, str | None] = {}  # channels so far, and their buses
         self.owners, self._lengths = _owners(config, self.reader)
@@ -70,6 +72,8 @@ class Listener:
         for item in self.reader.add(bus or "", message):
             if isinstance(item, RadarScan):
                 self.scans.append(item)
+            elif isinstance(item, PoseFix):
+                self.poses.append(item)
             else:
                 self.motion.append(item)
         return bus
@@ -128,11 +132,15 @@ def _owners(config: Config, reader: SignalReader) -> tuple[list[Owner], dict[tup
             for name, own in ((SPEED, one.wheel_id), (YAW_RATE, one.yaw_id)):
                 if frame_id == own:
                     lengths[bus, frame_id] = name, one.checks[frame_id].length
+        elif isinstance(one, PoseReader):
+            lengths[bus, frame_id] = POSE, one.checks[frame_id].length
         else:
             lengths[bus, frame_id] = one.sensor, one.roles[frame_id].length
     for one in dict.fromkeys(reader.readers.values()):
         if isinstance(one, MotionReader):
             owners += [Owner(SPEED, config.motion.bus, (one.wheel_id,), False), Owner(YAW_RATE, config.motion.bus, (one.yaw_id,), False)]
+        elif isinstance(one, PoseReader):
+            owners.append(Owner(POSE, str(config.pose and config.pose.bus), tuple(sorted(one.ids)), False))
         else:
             bus = next(radar.bus for radar in config.radar if radar.name == one.sensor)
             owners.append(Owner(one.sensor, bus, needed(one)))

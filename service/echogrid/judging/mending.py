@@ -69,6 +69,7 @@ class Mender:
         return {radar.name: radar.bus for radar in self.config.radar} | {
             "speed": self.config.motion.bus,
             "yaw rate": self.config.motion.bus,
+            **({} if self.config.pose is None or self.config.pose.bus is None else {"pose": self.config.pose.bus}),
         }
 
     def _wrong_bus(self, finding: Finding) -> Fix:
@@ -77,7 +78,8 @@ class Mender:
         bus = next((bus for bus, names in self.channels.items() if channel in names), None)
         if bus is None:
             return Fix(says=f"add a [[bus]] with log_channel = {literal(channel)}, and give it as the bus of {name}")
-        return Fix({("radar", self._index(name), "bus"): bus} if finding.radars else {("motion", "bus"): bus})
+        table = ("radar", self._index(name)) if finding.radars else ("pose",) if name == "pose" else ("motion",)
+        return Fix({(*table, "bus"): bus})
 
     def _wrong_id_offset(self, finding: Finding) -> Fix:
         index = self._index(finding.radars[0])
@@ -86,6 +88,9 @@ class Mender:
         if bus not in (None, self.config.radar[index].bus):
             fix.config["radar", index, "bus"] = bus
         return fix
+
+    def _pose_missing(self, finding: Finding) -> Fix:
+        return Fix(says="take [pose] out of the configuration, or connect its sender")
 
     def _radar_missing(self, finding: Finding) -> Fix:
         return Fix(says=f"take the [[radar]] {finding.radars[0]} out of the configuration, or connect it")

@@ -15,7 +15,7 @@ FEW = 3  # frames: fewer are strays
 
 @dataclass(frozen=True, slots=True)
 class Owner:
-    """Who reads frames: a radar, or ego motion (`radar` False). `ids`: those that must be there."""
+    """Who reads frames: a radar; "speed", "yaw rate" or "pose" (`radar` False). `ids`: those that must be there."""
 
     name: str
     bus: str
@@ -86,11 +86,12 @@ def _elsewhere(owner: Owner, heard: Heard, claimed: set[tuple[str, FrameId]]) ->
 
 def _about(owner: Owner, place: Moved | None, on_bus: Mapping[str, str]) -> Finding:
     ids = ", ".join(f"0x{number:X}" for number, _ in owner.ids[:4])
-    what = f"radar {owner.name}" if owner.radar else "motion"
+    kind = "radar" if owner.radar else "pose" if owner.name == "pose" else "motion"
+    what = f"radar {owner.name}" if owner.radar else kind
     radars = (owner.name,) if owner.radar else ()
     subject = "" if owner.radar else owner.name
     if place is None:
-        code = "radar_missing" if owner.radar else "motion_missing"
+        code = f"{kind}_missing"
         sentence = f"{what}: none of its frames ({ids}) is in the recording, under no id and on no channel that would fit"
         return Finding(code, sentence, 0.0, "frames", 0.95, "ids", radars, subject)
     if place.shift:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import can
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from echogrid.can.frame_queue import FrameQueue
 from echogrid.config.tables import Publish
 from echogrid.core.mapper import MapUpdate
+from echogrid.core.messages import PoseFix
 from echogrid.core.trust.watch import State
 from echogrid.live.workers import WAIT
 from echogrid.pipeline import Pipeline
@@ -27,7 +29,7 @@ Add = Callable[[str, can.Message], MapUpdate | None]
 class Mapping:
     """Remembers how long frames waited and when the map was changed last. One thread runs `run`; any may ask.
 
-    `add` takes each message to the pipeline. `settings` may be exchanged while it runs.
+    `add` takes each message to the pipeline. `settings` may be exchanged while it runs, `poses` (what came over Zenoh) before.
     """
 
     def __init__(self, pipeline: Pipeline, add: Add, queue: FrameQueue) -> None:
@@ -35,6 +37,7 @@ class Mapping:
         self.settings: Publish = pipeline.config.publish
         self.lock = threading.Lock()  # held by the mapping while it changes the map, by others for one tile's copy at a time
         self.outbox = Outbox()
+        self.poses: Callable[[], Iterable[PoseFix]] = tuple
         self._add = add
         self._queue = queue
         self._snapshots = Snapshots()
@@ -54,6 +57,8 @@ class Mapping:
             if tap is not None:
                 tap(bus, message)
             with self.lock:
+                for fix in self.poses():
+                    self.pipeline.mapper.on_pose(fix)
                 update = self._add(bus, message)
                 self._mapped_at = time.monotonic()
                 self._lag = self._mapped_at - received_at
@@ -66,10 +71,18 @@ class Mapping:
 
     def state(self) -> State:
         """Of the map, now. The traffic's own time continues by the monotonic clock, so that steps of other clocks do not matter."""
-        state = self.pipeline.state(round((time.monotonic() - self._mapped_at) * 1e9))
+        state = self.pipeline.state(self._silence_ns())
         if self._lag > MOST_LAG and state.name in ("ok", "degraded"):
             return State("stale", (f"mapping: {self._lag:.1f} s behind the buses", *state.reasons))
         return state
+
+    def pose(self) -> dict[str, Any] | None:
+        """Of the poses from outside, now."""
+        return self.pipeline.pose(self._silence_ns())
+
+    def _silence_ns(self) -> int:
+        """Since the newest frame was mapped."""
+        return round((time.monotonic() - self._mapped_at) * 1e9)
 
     def latency_ms(self) -> dict[str, float | None]:
         """p50 and p99 of the newest updates, from the receipt of the frame that ended the cycle to the changed map; None: no update yet."""

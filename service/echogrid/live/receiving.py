@@ -10,6 +10,7 @@ import can
 from echogrid.can.bus import LiveBus
 from echogrid.can.frame_queue import FrameQueue
 from echogrid.can.motion import MotionReader
+from echogrid.can.pose import PoseReader
 from echogrid.can.signals import SignalReader
 from echogrid.config.tables import Bus
 from echogrid.live.workers import WAIT
@@ -40,4 +41,4 @@ class Receiving:
 
     def _is_motion(self, bus: str, message: can.Message) -> bool:
         frame_id = (message.arbitration_id, message.is_extended_id)
-        return isinstance(self._signals.readers.get((bus, frame_id)), MotionReader)
+        return isinstance(self._signals.readers.get((bus, frame_id)), MotionReader | PoseReader)

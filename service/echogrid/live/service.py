@@ -32,6 +32,7 @@ from echogrid.store.tile_keeper import TileKeeper
 from echogrid.topics.announcer import Announcer
 from echogrid.watching.metrics import Metrics
 from echogrid.zenoh.map_reader import MapReader
+from echogrid.zenoh.pose_feed import PoseFeed
 from echogrid.zenoh.publisher import Publisher
 from echogrid.zenoh.region import Regions
 
@@ -101,6 +102,7 @@ class Service:
             "recording": None if self.recorder is None else asdict(self.recorder.recording),
             "rss_mib": resident_mib(),
             **asdict(health),
+            "pose": self.mapping.pose(),
         }
 
     def reload(self, config: Config) -> None:
@@ -121,8 +123,10 @@ class Service:
                 self.workers.add("keeper", self.keeper.run)
                 learned = LearnedKeeper(path.with_suffix(LEARNED), self.config, self.pipeline.mapper.odometry.errors, self.mapping.lock)
                 self.workers.add("learned", learned.run)
-            publisher = opened.enter_context(Publisher(self.config.publish, self.config.vehicle, self.config.ros))
+            publisher = opened.enter_context(Publisher(self.config.publish, self.config.vehicle, self.config.ros, self.config.pose))
             self.publishing.sinks.append(publisher)
+            if self.config.pose is not None and self.config.pose.key is not None:
+                self.mapping.poses = PoseFeed(publisher.session, self.config.pose, self.pipeline.health.pose).take
             reader = MapReader(self.pipeline.mapper, self.mapping.lock, self.keeper)
             self.workers.add("regions", Regions(publisher, self.config.grid.cell, reader).run)
             metrics = opened.enter_context(Metrics(self.config.metrics, self.config.vehicle))

@@ -73,6 +73,7 @@ class ReplayRecording:
             "model": self.pipeline.model.why,
             "buses": {},
             **asdict(self.pipeline.health),
+            "pose": self.pipeline.pose(0),
         }
         for published in self._announcer.status(status, stamp_ns):
             self._writer.put(published)

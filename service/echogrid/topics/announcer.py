@@ -40,7 +40,7 @@ from echogrid.topics.topic import (
     Topic,
 )
 
-MAP_FRAME, CAR_FRAME = "odom", "base"
+MAP_FRAME, CAR_FRAME, FIXED_FRAME = "odom", "base", "map"  # FIXED_FRAME: of poses from outside
 OCCUPIED_FROM, FREE_UP_TO = round(100 * OCCUPIED), round(100 * FREE)  # percent, as map.yaml has it
 KEY_PERIOD_NS = 1_000_000_000  # a key frame goes out at the latest with the first window that is so much younger than the last one
 
@@ -102,8 +102,10 @@ class Announcer:
         covariances = spread(known.pose, (0, 1, 5)), spread(known.motion, (0, 5))
         odometry = Odometry(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base, ego.speed, ego.yaw_rate, *covariances)
         yield message(ODOMETRY, encode_odometry(odometry))
-        transform = Transform(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base)
-        yield message(TRANSFORM, encode_transforms((transform,)))
+        transforms = [Transform(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base)]
+        if snapshot.update.map_from_odom is not None:
+            transforms.append(Transform(stamp_ns, FIXED_FRAME, MAP_FRAME, snapshot.update.map_from_odom))
+        yield message(TRANSFORM, encode_transforms(transforms))
         judged = snapshot.update.judged
         yield message(DETECTIONS, encode_points(Points(stamp_ns, CAR_FRAME, on_the_ground(snapshot.update.static_points))))
         all_points = JudgedPoints(stamp_ns, CAR_FRAME, on_the_ground(judged.points), judged.radars, judged.verdicts)
@@ -139,7 +141,7 @@ class Announcer:
             "vehicle": config.vehicle,
             "version": __version__,
             "model": self.model,
-            "frames": {"map": MAP_FRAME, "car": CAR_FRAME},
+            "frames": {"map": MAP_FRAME, "car": CAR_FRAME} | ({} if config.pose is None else {"fixed": FIXED_FRAME}),
             "grid": {"cell": config.grid.cell, "tile_cells": SIDE},
             "body": {key: getattr(config.body, key) for key in ("length", "width", "rear_overhang")},
             "radars": radars,

@@ -1,4 +1,4 @@
-"""The service's status as ROS's diagnostics: level, message and numbers for the service, motion, the map on disk, radars and buses."""
+"""The service's status as ROS's diagnostics: level, message and numbers for the service, motion, its files, poses from outside, radars and buses."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from echogrid.topics.diagnostic_array import DiagnosticArray, DiagnosticStatus, 
 
 LEVELS = {"ok": Level.OK, "degraded": Level.WARN, "no_motion": Level.ERROR, "stale": Level.STALE, "stopped": Level.ERROR}
 PROGRAM = "echogrid"  # diagnostic_aggregator groups by the text before the colon
-FILES = ("store", "recording")  # that the service writes, each if configured
+OTHERS = ("store", "recording", "pose")  # that have a state and a reason of their own, each if configured
 MOTION = ("wheel speed", "yaw rate")
 
 
 def diagnostics(status: Mapping[str, Any], vehicle: str, stamp_ns: int) -> DiagnosticArray:
     """`status` is what the service publishes under that name, see docs/watching.md; `stamp_ns`: when it was taken, in Unix time."""
     state, reasons = status["state"], status["reasons"]
-    own = {key: value for key, value in status.items() if key not in ("state", "reasons", *FILES, "sensors", "buses")}
+    own = {key: value for key, value in status.items() if key not in ("state", "reasons", *OTHERS, "sensors", "buses")}
     service = DiagnosticStatus(LEVELS[state], f"{PROGRAM}: service", "; ".join((state, *reasons)), vehicle, _texts(own))
     said = [f"{name}: {what}" for name in MOTION for what in about(name, reasons)]
     parts = [_part("motion", vehicle, state, said, Level.ERROR if state == "no_motion" else Level.WARN, {})]
-    for name in FILES:
-        file = status.get(name)  # a replay has none
-        if file is not None:
-            said = [f"{file['state']}: {file['reason']}"] if file["reason"] else []
-            parts.append(_part(name, vehicle, state, said, Level.WARN, file))
+    for name in OTHERS:
+        other = status.get(name)  # a replay writes no files
+        if other is not None:
+            said = [f"{other['state']}: {other['reason']}"] if other["reason"] else []
+            parts.append(_part(name, vehicle, state, said, Level.WARN, other))
     for name, counters in status["sensors"].items():
         parts.append(_part(f"radar {name}", name, state, about(f"radar {name}", reasons), Level.WARN, counters))
     for name, bus in status["buses"].items():

@@ -15,6 +15,8 @@ from echogrid.topics.cdr import LENGTH, LITTLE_ENDIAN, aligned, body_of, encode_
 
 _MOTION = struct.Struct("<85d")  # position, orientation, covariance, linear and angular velocity, covariance
 _PLACE = struct.Struct("<7d")  # translation, rotation (x, y, z, w)
+MOST_ODOMETRY = 4096  # bytes: names of frames are not longer
+LONGEST_OFF = 0.01  # of a quaternion's length: senders round
 Covariance = NDArray[np.float64]
 
 
@@ -82,6 +84,24 @@ def decode_odometry(payload: bytes) -> Odometry:
     pose_covariance, twist_covariance = numbers[7:43].reshape(6, 6), numbers[49:].reshape(6, 6)
     speed, yaw_rate = float(numbers[43]), float(numbers[48])
     return Odometry(stamp_ns, frame, child_frame, pose, speed, yaw_rate, pose_covariance, twist_covariance)
+
+
+def decode_pose(payload: bytes) -> tuple[int, SE2]:
+    """Stamp, and the pose on the plane, of any sender's nav_msgs/msg/Odometry: height and twist are not read, of how it leans only the yaw.
+
+    Its covariances may hold anything.
+    """
+    body = body_of(payload)
+    stamp_ns, _, at = read_header(body)
+    _, at = read_text(body, at)
+    at = aligned(at, 8)
+    if len(body) != at + _MOTION.size:
+        raise ValueError(f"the odometry has {len(body) - at} bytes of numbers, expected {_MOTION.size}")
+    x, y, _, *quaternion = read(_PLACE, body, at)
+    i, j, k, w = quaternion
+    if not (math.isfinite(x) and math.isfinite(y) and abs(math.hypot(i, j, k, w) - 1) <= LONGEST_OFF):
+        raise ValueError("the odometry's pose is none")
+    return stamp_ns, SE2(x, y, math.atan2(2 * (w * k + i * j), 1 - 2 * (j * j + k * k)))
 
 
 def encode_transforms(transforms: Sequence[Transform]) -> bytes:

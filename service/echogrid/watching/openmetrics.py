@@ -9,11 +9,12 @@ from prometheus_client import CollectorRegistry, start_http_server, write_to_tex
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoMetricFamily, Metric, StateSetMetricFamily
 
 from echogrid import __version__
+from echogrid.core.motion import map_frame
 from echogrid.recording import mcap_recorder
 from echogrid.store import store_file
 from echogrid.topics.diagnostics import LEVELS
 
-FILES = {"store": store_file.STATES, "recording": mcap_recorder.STATES}
+OTHERS = {"store": store_file.STATES, "recording": mcap_recorder.STATES, "pose": map_frame.STATES}  # each if configured
 Tables = Mapping[tuple[str, ...], Mapping[str, Any]]  # label values -> a part's numbers
 
 
@@ -62,14 +63,15 @@ def families(status: Mapping[str, Any], vehicle: str, taken_at: float) -> Iterat
     yield _gauge("map_rate", "hertz", "Map updates per second.", vehicle, status["rates"]["map_hz"])
     yield _gauge("frame_rate", "hertz", "CAN frames received per second.", vehicle, status["rates"]["frames_hz"])
     yield _gauge("resident_memory", "bytes", "Memory of the service in RAM.", vehicle, status["rss_mib"] * 2**20)
-    for name, states in FILES.items():
-        file = status[name]
-        if file is not None:
-            kept = StateSetMetricFamily(f"echogrid_{name}_state", f"State of the {name}.", labels=["vehicle"])
-            kept.add_metric([vehicle], {each: each == file["state"] for each in states})
-            yield kept
-            yield _gauge(f"{name}_size", "bytes", f"Size of the {name}'s file.", vehicle, file["mib"] * 2**20)
-            yield from _counters(f"echogrid_{name}", ["vehicle"], {(vehicle,): file})
+    for name, states in OTHERS.items():
+        other = status[name]
+        if other is not None:
+            how = StateSetMetricFamily(f"echogrid_{name}_state", f"State of the {name}.", labels=["vehicle"])
+            how.add_metric([vehicle], {each: each == other["state"] for each in states})
+            yield how
+            if "mib" in other:
+                yield _gauge(f"{name}_size", "bytes", f"Size of the {name}'s file.", vehicle, other["mib"] * 2**20)
+            yield from _counters(f"echogrid_{name}", ["vehicle"], {(vehicle,): other})
     latency = Metric("echogrid_latency", "From a frame's receipt to its map update.", "summary", "seconds")
     for quantile, key in (("0.5", "p50"), ("0.99", "p99")):
         if status["latency_ms"][key] is not None:  # before the first map

@@ -22,6 +22,15 @@ class File(msgspec.Struct, frozen=True, kw_only=True):
     mib: float | None = None
 
 
+class Placed(msgspec.Struct, frozen=True, kw_only=True):
+    """The poses from outside."""
+
+    state: str
+    reason: str = ""
+    map_from_odom: dict[str, float] | None = None
+    taken: int = 0
+
+
 class Status(msgspec.Struct, frozen=True, kw_only=True):
     """What is shown of a status. Another version of the service may send more or less of it."""
 
@@ -36,6 +45,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     store: File | None = None
     recording: File | None = None
     learned: dict[str, float] = {}
+    pose: Placed | None = None
     sensors: dict[str, dict[str, Any]] = {}
     buses: dict[str, dict[str, Any]] = {}
     counters: dict[str, int] = {}  # all other whole numbers
@@ -62,6 +72,7 @@ def lines(document: Mapping[str, Any], vehicle: str) -> list[Line]:
         _line("model", status.model),
         _line("kernels", status.kernels),
         *_learned(status.learned),
+        *_placed(status.pose),
         *_parts("radar", status.sensors, status.reasons),
         *_parts("bus", status.buses, status.reasons),
         _line("counters", _counts(status.counters)),
@@ -102,6 +113,15 @@ def _learned(learned: Mapping[str, float]) -> Iterator[Line]:
         if key in learned:
             sigma, applied = (_number(learned.get(f"{key}_{what}"), 2) for what in ("sigma", "applied"))
             yield _line(label, f"{learned[key]:+.2f} ±{sigma}{unit}, of which {applied} is corrected")
+
+
+def _placed(pose: Placed | None) -> Iterator[Line]:
+    """Where odom lies by them; yellow if they are not well."""
+    if pose is not None:
+        at = {} if pose.map_from_odom is None else pose.map_from_odom
+        where = f", odom at {_number(at.get('x'), 2)}, {_number(at.get('y'), 2)} m, {_number(at.get('yaw_deg'), 2)}°" if at else ""
+        text = pose.state + (f": {pose.reason}" if pose.reason else "") + f"{where}, {pose.taken:,} taken"
+        yield [(f"{'pose':10}", "dim"), (text, "" if pose.state == "ok" else "yellow")]
 
 
 def _line(label: str, text: str) -> Line:

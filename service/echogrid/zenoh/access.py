@@ -1,4 +1,4 @@
-"""Who may see a vehicle's topics: Zenoh's access control, where what is not allowed is denied."""
+"""Who may see a vehicle's topics, and who may say where it is: Zenoh's access control, where what is not allowed is denied."""
 
 from __future__ import annotations
 
@@ -10,22 +10,26 @@ ANYTHING = ("**", "**/@adv/**", "@ros2_lv/**")  # `**` passes over chunks that b
 GIVEN = ("put", "delete", "reply", "declare_queryable", "liveliness_token")
 
 
-def access_control(given: Sequence[str], viewers: Sequence[str] | None) -> dict[str, object]:
+def access_control(
+    given: Sequence[str], viewers: Sequence[str] | None, poses: str | None = None, senders: Sequence[str] | None = None
+) -> dict[str, object]:
     """Zenoh's access_control: the key expressions `given` may be read, and nothing written, by whoever shows a certificate with one of the
-    common names `viewers`; where that is None, by everyone who can connect.
+    common names `viewers`; where that is None, by everyone who can connect. The key expression `poses` may be written by `senders`.
 
     Zenoh drops a declaration that is not within what is allowed without a word, instead of cutting it down. So anything may be asked for,
     `**` as well, and what goes out is what is `given`.
     """
-    flows = {"ingress": (ASKED, ANYTHING), "egress": (GIVEN, given)}
-    subject = {"id": "viewers"} | ({} if viewers is None else {"cert_common_names": list(viewers)})
+    who = {"viewers": viewers, "senders": senders}
+    rules = [("viewers", "ingress", ASKED, ANYTHING), ("viewers", "egress", GIVEN, given)]
+    if poses is not None:
+        rules += [("senders", "ingress", ("put",), (poses,)), ("senders", "egress", ("declare_subscriber",), (poses,))]
     return {
         "enabled": True,
         "default_permission": "deny",
         "rules": [
-            {"id": flow, "permission": "allow", "flows": [flow], "messages": said, "key_exprs": list(keys)}
-            for flow, (said, keys) in flows.items()
+            {"id": f"{name} {flow}", "permission": "allow", "flows": [flow], "messages": said, "key_exprs": list(keys)}
+            for name, flow, said, keys in rules
         ],
-        "subjects": [subject],
-        "policies": [{"rules": list(flows), "subjects": ["viewers"]}],
+        "subjects": [{"id": name} | ({} if names is None else {"cert_common_names": list(names)}) for name, names in who.items()],
+        "policies": [{"rules": [f"{name} {flow}"], "subjects": [name]} for name, flow, _, _ in rules],
     }

@@ -19,7 +19,7 @@ from echogrid.zenoh.access import access_control
 from echogrid.zenoh.attachment import GID_SIZE
 from echogrid.zenoh.credentials import Credentials
 from echogrid.zenoh.fleet import Fleet
-from echogrid.zenoh.ros import RosNode, viewed
+from echogrid.zenoh.ros import RosNode, topic_keys, viewed
 from echogrid.zenoh.stream import Stream
 
 VIEWED = ("**", "**/@adv/**")  # `**` passes over chunks that begin with @, where the last map is asked for
@@ -36,14 +36,17 @@ class Publisher:
     construction to `close` or the end of `with`; one thread puts.
 
     Raises EchogridError naming the key in [publish], the endpoint or file and what to do if Zenoh would not accept it. No call waits for
-    a subscriber: one that is too slow misses messages. Others may read the vehicle's keys over this session, but write nothing.
+    a subscriber: one that is too slow misses messages. Others may read the vehicle's keys over this session, but write nothing but poses.
     """
 
-    def __init__(self, settings: config.Publish, vehicle: str, ros: config.Ros) -> None:
+    def __init__(self, settings: config.Publish, vehicle: str, ros: config.Ros, pose: config.Pose | None = None) -> None:
+        """`pose`: whose key may be written by its senders, and heard by us."""
+        check_pose_key(pose, vehicle, ros)
         self.vehicle = vehicle
         credentials = _credentials(settings)
         given = [*(key(vehicle, names) for names in VIEWED), *viewed(ros)]
-        access = access_control(given, None if settings.tls is None else settings.tls.viewers)
+        viewers, senders = (None, None) if settings.tls is None else (settings.tls.viewers, () if pose is None else pose.senders)
+        access = access_control(given, viewers, None if pose is None else pose.key, senders)
         self._open = ExitStack()
         try:
             opened = zenoh.open(session_config(settings.listen, settings.connect, sends=True, credentials=credentials, access=access))
@@ -74,6 +77,22 @@ class Publisher:
         self._ros.put(message)
         if message.topic is FULL and self._fleet.due(message.stamp_ns) and self._streams[FLEET].heard():
             self._streams[FLEET].put(self._fleet.message(message))
+
+
+def check_pose_key(pose: config.Pose | None, vehicle: str, ros: config.Ros) -> None:
+    """Raises EchogridError where `pose.key` is no key expression, or takes in one of ours: who may send poses may not send maps."""
+    if pose is None or pose.key is None:
+        return
+    try:
+        asked = zenoh.KeyExpr(pose.key)
+    except zenoh.ZError as error:
+        expected = "expected a key expression of Zenoh such as ins/odom or 0/ins/odom/**"
+        raise EchogridError(f"pose.key: '{pose.key}' found, {expected}") from error
+    ours = [*(key(vehicle, names) for names in VIEWED), "@ros2_lv/**"]
+    ours += [name for _, name in topic_keys(ros)] if ros.distro != "off" else []
+    own = next((name for name in ours if asked.intersects(zenoh.KeyExpr(name))), None)
+    if own is not None:
+        raise EchogridError(f"pose.key: '{pose.key}' found, which takes in '{own}', expected none of the service's own keys")
 
 
 def session_config(

@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw
 from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
-from echogrid.core.messages import Floats, RadarScan
+from echogrid.core.messages import Floats, PoseFix, RadarScan
 from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
 from echogrid.logs.drive import find_drive
@@ -66,7 +66,7 @@ def _moments(config: Config, source: Path, log: Path, truth: SimulatedTruth) -> 
                 in_sensor = np.stack((item.range * np.cos(item.azimuth), item.range * np.sin(item.azimuth)), axis=1)
                 seen.append(mounts[item.sensor].base_from_sensor.apply(in_sensor))
                 pipeline.mapper.on_scan(item)
-            else:
+            elif not isinstance(item, PoseFix):
                 pipeline.mapper.on_motion(item)
         update = pipeline.mapper.update(pipeline.signals.newest_ns or 0)
         if update is None:

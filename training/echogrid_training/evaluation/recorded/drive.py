@@ -12,7 +12,7 @@ from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
 from echogrid.core.map.tiled_map import TiledMap
-from echogrid.core.messages import EgoMotion, Floats, RadarScan
+from echogrid.core.messages import EgoMotion, Floats, PoseFix, RadarScan
 from echogrid.core.motion.odometry import EgoState, Odometry
 from echogrid.core.radar.mount import Mount
 from echogrid.logs.drive import find_drive
@@ -75,7 +75,7 @@ def hear(source: Path, configuration: Path | None = None) -> RealDrive:
     items: list[tuple[int, RadarScan | EgoMotion]] = []
     for message in Log(drive.log):
         heard = signals.add(bus_of(message, config.bus) or "", message)
-        items += [(signals.newest_ns or 0, item) for item in heard]
+        items += [(signals.newest_ns or 0, item) for item in heard if not isinstance(item, PoseFix)]
     scans, driven = placed([item for _, item in items])
     return RealDrive(drive.config, items, scans, driven)
 

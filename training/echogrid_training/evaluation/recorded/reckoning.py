@@ -11,7 +11,7 @@ import numpy as np
 from echogrid.can.signals import SignalReader, bus_of
 from echogrid.config.loading import load_config
 from echogrid.core.health import Health
-from echogrid.core.messages import EgoMotion, Floats, RadarScan
+from echogrid.core.messages import EgoMotion, Floats, PoseFix, RadarScan
 from echogrid.core.motion.error_filter import ErrorFilter, Kept, Learns
 from echogrid.core.motion.odometry import Odometry
 from echogrid.core.radar.doppler_errors import DopplerErrors
@@ -72,7 +72,8 @@ def hear(folder: Path) -> Heard:
     signals = SignalReader(config, drive.config, Health())
     items: list[tuple[int, RadarScan | EgoMotion]] = []
     for message in Log(drive.log):
-        items += [(signals.newest_ns or 0, item) for item in signals.add(bus_of(message, config.bus) or "", message)]
+        heard = signals.add(bus_of(message, config.bus) or "", message)
+        items += [(signals.newest_ns or 0, item) for item in heard if not isinstance(item, PoseFix)]
     return Heard(folder.name, items, {radar.name: radar.mount() for radar in config.radar}, config.gate.noise(), truth)
 
 

@@ -16,7 +16,7 @@ from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.health import Health, SensorHealth
 from echogrid.core.map.tiled_map import TiledMap
 from echogrid.core.mapper import Infer, Mapper
-from echogrid.core.messages import EgoMotion, RadarScan
+from echogrid.core.messages import EgoMotion, PoseFix, RadarScan
 from echogrid.core.motion.odometry import EgoState
 from echogrid.core.motion.se2 import SE2
 from echogrid.core.radar.mount import Mount
@@ -79,7 +79,8 @@ def load_tape(folder: Path) -> Tape:
     cycle_ns = round(config.map.cycle_ms * 1e6)
     cycle = None
     for message in Log(drive.log):
-        items = signals.add(bus_of(message, config.bus) or "", message)
+        heard = signals.add(bus_of(message, config.bus) or "", message)
+        items = [item for item in heard if not isinstance(item, PoseFix)]
         if signals.newest_ns is not None and (items or signals.newest_ns // cycle_ns != cycle):  # no other message changes anything
             cycle = signals.newest_ns // cycle_ns
             events.append(Event(items, signals.newest_ns))
