@@ -36,7 +36,7 @@ from echogrid.store.tile_store import TileStore
 from echogrid.topics.diagnostic_array import decode_diagnostics
 from echogrid.topics.grids import decode_grid, decode_update, encode_grid, encode_update
 from echogrid.topics.points import decode_judged, decode_points, encode_judged, encode_points
-from echogrid.topics.poses import decode_odometry, decode_transforms, encode_odometry, encode_transforms
+from echogrid.topics.poses import decode_odometry, decode_pose, decode_transforms, encode_odometry, encode_transforms
 from echogrid.zenoh.attachment import decode_attachment, decode_grid_attachment
 from echogrid.zenoh.fleet import decompress
 from tests.support import frames, networks
@@ -229,6 +229,8 @@ def wire(data: bytes) -> None:
     with suppress(ValueError):
         odometry = decode_odometry(data)
         assert decode_odometry(encode_odometry(odometry)).stamp_ns == odometry.stamp_ns
+    with suppress(ValueError):
+        decode_pose(data)
     with suppress(ValueError):
         decode_diagnostics(data)
     with suppress(ValueError):

@@ -6,14 +6,14 @@ from dataclasses import asdict, fields
 from typing import Any
 
 from echogrid.can.bus import BusHealth
-from echogrid.core.health import Health, SensorHealth
+from echogrid.core.health import Health, PoseHealth, SensorHealth
 
 
 def status(state: str = "ok", *reasons: str) -> dict[str, Any]:
     """Two radars, two buses; the second bus is down."""
     radars = ("front_left", "rear_right")
     sensors = {name: SensorHealth(*(100 * (n + 1) + i for i in range(len(fields(SensorHealth))))) for n, name in enumerate(radars)}
-    counters = [field.name for field in fields(Health) if field.name != "sensors"]
+    counters = [field.name for field in fields(Health) if field.name not in ("sensors", "pose")]
     health = Health(**{name: 1000 + i for i, name in enumerate(counters)}, sensors=sensors)
     return {
         "state": state,
@@ -37,4 +37,10 @@ def status(state: str = "ok", *reasons: str) -> dict[str, Any]:
         },
         "rss_mib": 143.5,
         **asdict(health),
+        "pose": {
+            "state": "silent",
+            "reason": "none for 1.4 s",
+            "map_from_odom": {"x": 51.25, "y": -52.5, "yaw_deg": 53.75},
+            **asdict(PoseHealth(*range(54, 54 + len(fields(PoseHealth))))),
+        },
     }

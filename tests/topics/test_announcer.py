@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -65,7 +66,7 @@ def test_what_is_said_of_the_car_is_the_updates(pipeline: Pipeline) -> None:
     told = {message.topic: message for message in Announcer(pipeline.config, "").map(snapshot)}
     assert {(message.stamp_ns, message.epoch) for message in told.values()} == {(77, 3)}
     odometry = decode_odometry(told[ODOMETRY].payload)
-    (transform,) = decode_transforms(told[TRANSFORM].payload)
+    (transform,) = decode_transforms(told[TRANSFORM].payload)  # without a pose from outside there is no frame but odom
     assert (odometry.frame, odometry.child_frame, odometry.speed, odometry.yaw_rate) == ("odom", "base", -1.5, 0.25)
     assert (transform.frame, transform.child_frame, transform.pose) == ("odom", "base", odometry.pose)
     assert (odometry.pose.x, odometry.pose.y, odometry.pose.yaw) == pytest.approx((1.0, 2.0, 0.5))
@@ -78,6 +79,19 @@ def test_what_is_said_of_the_car_is_the_updates(pipeline: Pipeline) -> None:
     detections = decode_points(told[DETECTIONS].payload)
     assert detections.frame == "base"
     np.testing.assert_allclose(detections.points, [[1.5, -2.0, 0], [30.0, 0.25, 0]])
+
+
+def test_a_pose_from_outside_is_a_transform_beside_that_of_the_car(pipeline: Pipeline) -> None:
+    """As tf2 wants it: one parent each, and the chain map, odom, base is where the car is in the map frame."""
+    update = replace(updated(77, SE2(1.0, 2.0, 0.5), np.zeros((0, 2))), map_from_odom=SE2(100.0, -50.0, 1.0))
+    told = {message.topic: message for message in Announcer(pipeline.config, "").map(Snapshots().take(EMPTY, update, Publish()))}
+    near, far = decode_transforms(told[TRANSFORM].payload)
+    assert (near.frame, near.child_frame, far.frame, far.child_frame) == ("odom", "base", "map", "odom")
+    assert near.stamp_ns == far.stamp_ns == 77
+    chain = far.pose @ near.pose
+    turn, place = complex(math.cos(1.0), math.sin(1.0)), complex(100.0, -50.0)
+    assert complex(chain.x, chain.y) == pytest.approx(place + turn * complex(1.0, 2.0))
+    assert decode_odometry(told[ODOMETRY].payload).pose.x == pytest.approx(1.0)  # which stays in odom
 
 
 def test_what_was_judged_holds_what_went_into_the_map_and_a_passing_car_is_moving(tmp_path: Path) -> None:

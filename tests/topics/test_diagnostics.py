@@ -18,7 +18,7 @@ from echogrid.topics.diagnostics import diagnostics
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 OK, WARN, ERROR, STALE = range(4)  # diagnostic_msgs/msg/DiagnosticStatus
-PARTS = ["service", "motion", "store", "recording", "radar front_left", "radar rear_right", "bus chassis", "bus radars"]
+PARTS = ["service", "motion", "store", "recording", "pose", "radar front_left", "radar rear_right", "bus chassis", "bus radars"]
 
 
 def read(of: dict[str, Any]) -> dict[str, Any]:
@@ -33,7 +33,17 @@ def read(of: dict[str, Any]) -> dict[str, Any]:
 def test_every_part_is_there_and_knows_what_it_is() -> None:
     parts = read(status())
     assert list(parts) == PARTS
-    assert [part.hardware_id for part in parts.values()] == ["car", "car", "car", "car", "front_left", "rear_right", "chassis", "radars"]
+    assert [part.hardware_id for part in parts.values()] == [
+        "car",
+        "car",
+        "car",
+        "car",
+        "car",
+        "front_left",
+        "rear_right",
+        "chassis",
+        "radars",
+    ]
 
 
 @pytest.mark.parametrize(("state", "level"), [("ok", OK), ("degraded", WARN), ("no_motion", ERROR), ("stale", STALE), ("stopped", ERROR)])
@@ -49,6 +59,7 @@ def test_a_reason_is_told_by_the_part_that_it_names() -> None:
         "motion": (WARN, "yaw rate: stuck"),
         "store": (OK, "ok"),
         "recording": (WARN, "failed: No space left on device"),
+        "pose": (WARN, "silent: none for 1.4 s"),
         "radar front_left": (OK, "ok"),
         "radar rear_right": (WARN, "silent for 1.2 s; late"),
         "bus chassis": (WARN, "off"),
@@ -77,6 +88,7 @@ def test_of_an_old_map_no_part_is_called_ok(state: str) -> None:
         "motion": (STALE, state),
         "store": (STALE, state),
         "recording": (WARN, "failed: No space left on device"),
+        "pose": (WARN, "silent: none for 1.4 s"),
         "radar front_left": (WARN, "silent for 9.0 s"),
         "radar rear_right": (STALE, state),
         "bus chassis": (STALE, state),

@@ -26,11 +26,16 @@ from tests.support.waiting import PATIENCE, until
 
 from echogrid.client import Client
 from echogrid.config.loading import load_config
-from echogrid.config.tables import Publish, Ros, Tls
+from echogrid.config.tables import Pose, Publish, Ros, Tls
+from echogrid.core.health import PoseHealth
+from echogrid.core.messages import PoseFix
+from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
 from echogrid.topics.grids import Grid, decode_grid, encode_grid
+from echogrid.topics.poses import Odometry, encode_odometry
 from echogrid.topics.topic import ALIVE, FLEET, FULL, KEY, REGION, STATUS, TILE
 from echogrid.zenoh.credentials import Credentials
+from echogrid.zenoh.pose_feed import PoseFeed
 from echogrid.zenoh.publisher import Publisher, key, session_config
 from echogrid.zenoh.ros import topic_keys
 
@@ -69,6 +74,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
     issued = {
         "service": ca.issue_cert("127.0.0.1", common_name="service"),
         "viewer": ca.issue_cert("viewer.test", common_name="viewer"),
+        "ins": ca.issue_cert("ins.test", common_name="ins"),
         "stranger": ca.issue_cert("stranger.test", common_name="stranger"),
         "expired": ca.issue_cert("viewer.test", common_name="viewer", not_after=datetime.now(UTC) - timedelta(days=1)),
         "foreign": other.issue_cert("viewer.test", common_name="viewer"),
@@ -285,6 +291,50 @@ def test_the_listed_viewer_may_not_touch_either(port: int, files: Files) -> None
         until(lambda: intruder.stolen >= {*GRIDS, TOKEN}, intruder.ask)
 
 
+@pytest.mark.parametrize("who", ["ins", "viewer"])
+def test_with_tls_poses_come_from_their_senders_alone(port: int, files: Files, who: str) -> None:
+    """Who may look may not say where the car is; who may say that may neither look nor draw."""
+    endpoint, pose = f"tls/127.0.0.1:{port}", Pose(key="ins/odom", senders=("ins",))
+    told = encode_odometry(Odometry(7, "world", "ins", SE2(1.0, 2.0, 0.5), 0.0, 0.0))
+    with (
+        Publisher(Publish(listen=(endpoint,), tls=files.tls("viewer")), "car", Ros(), pose) as publisher,
+        opened(endpoint, "client", files.of("ins")) as sender,
+        opened(endpoint, "client", files.of(who)) as session,
+    ):
+        feed, taken = PoseFeed(publisher.session, pose, PoseHealth()), list[PoseFix]()
+        seen = session.declare_subscriber(MAP)
+        if who == "ins":
+            until(lambda: taken.extend(feed.take()) or taken, lambda: sender.put("ins/odom", told))
+            assert taken[0] == PoseFix(7, 1.0, 2.0, 7, 0.5)
+        else:
+            until(seen.try_recv, lambda: send(publisher, 1))
+        for _ in range(20):
+            session.put("ins/odom" if who == "viewer" else "ins/other", told)
+            session.put(MAP, told)
+            send(publisher, 2)
+            time.sleep(0.02)
+        assert (who == "viewer") == (not taken and not list(feed.take()))
+        maps = 0
+        while (sample := seen.try_recv()) is not None:
+            maps += bytes(sample.payload) != told  # its own comes back to it
+        assert (who == "ins") == (not maps)
+
+
+def test_a_program_on_this_machine_may_send_poses_and_nothing_else(port: int) -> None:
+    endpoint, pose = f"tcp/127.0.0.1:{port}", Pose(key="ins/**")
+    told = encode_odometry(Odometry(7, "world", "ins", SE2(1.0, 2.0, 0.5), 0.0, 0.0))
+    with (
+        Publisher(Publish(listen=(endpoint,)), "car", Ros(), pose) as publisher,
+        opened(endpoint, "client", None) as session,
+        opened(endpoint, "client", None) as other,
+    ):
+        feed, spied = PoseFeed(publisher.session, pose, PoseHealth()), other.declare_subscriber("ins/**")
+        assert until(lambda: list(feed.take()), lambda: session.put("ins/front/odom", told))
+        intruder = Intruder(session)
+        assert FAKE_NS not in exchange(publisher, endpoint, intruder, ("peer", "client"), None)
+        assert spied.try_recv() is None  # and they go no further
+
+
 def test_a_viewer_does_not_fall_for_another_host(port: int, files: Files) -> None:
     """The service's certificate is of the right authority, but for another name."""
     endpoint = f"tls/127.0.0.1:{port}"
@@ -357,6 +407,10 @@ TLS = '\n[publish.tls]\nca = "ca.pem"\ncertificate = "car.pem"\nkey = "/etc/car.
         ('connect = ["quic/127.0.0.2.test:7447"]', "publish.connect: 'quic/127.0.0.2.test:7447' leaves this machine"),
         ('listen = ["tls/0.0.0.0:7447"]', "publish.listen: 'tls/0.0.0.0:7447' found, expected [publish.tls] with it"),
         (TLS, "publish.listen: 'tcp/127.0.0.1:7447' found beside [publish.tls], expected tls/HOST:PORT"),
+        (
+            'listen = ["tls/[::]:7447"]' + TLS + '[pose]\nkey = "ins/odom"\n',
+            "pose.senders: is missing, expected the common names in the certificates of those who may send, as [publish.tls] is given",
+        ),
         (
             'listen = ["tls/[::]:7447"]\nconnect = ["tcp/127.0.0.1:1"]' + TLS,
             "publish.connect: 'tcp/127.0.0.1:1' found beside [publish.tls]",

@@ -34,7 +34,10 @@ def command(
         raise EchogridError("either a LOG or --seconds can be checked, not both")
     config = load_config(config_path)
     readers = Pipeline(config, config_path).signals.readers
-    check_pose_key(config.pose, config.vehicle, config.ros)
+    try:
+        check_pose_key(config.pose, config.vehicle, config.ros)
+    except EchogridError as error:
+        raise EchogridError(f"{config_path}: {error}") from error
     if log is None and seconds is None:
         if as_json or fix_out is not None or page is not None:
             raise EchogridError("--json, --fix-out and --report need a LOG or --seconds")

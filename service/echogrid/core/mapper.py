@@ -79,7 +79,7 @@ class Mapper:
         errors: ErrorFilter | None = None,
         frame: MapFrame | None = None,
     ) -> None:
-        """`errors`: what is known of the motion sensors' errors; None: nothing so far. `frame`: for poses from outside, if there are any."""
+        """`errors`: what is known of the motion sensors' errors, if anything is. `frame`: for poses from outside, if there are any."""
         self.mounts = mounts
         self.infer = infer
         self.map = occupancy

@@ -1,4 +1,4 @@
-"""The service's status as ROS's diagnostics: level, message and numbers for the service, motion, its files, poses from outside, radars and buses."""
+"""The service's status as ROS's diagnostics: level, message and numbers for the service and each of its parts."""
 
 from __future__ import annotations
 

@@ -19,9 +19,10 @@ def access_control(
     Zenoh drops a declaration that is not within what is allowed without a word, instead of cutting it down. So anything may be asked for,
     `**` as well, and what goes out is what is `given`.
     """
-    who = {"viewers": viewers, "senders": senders}
+    who = {"viewers": viewers}
     rules = [("viewers", "ingress", ASKED, ANYTHING), ("viewers", "egress", GIVEN, given)]
     if poses is not None:
+        who["senders"] = senders
         rules += [("senders", "ingress", ("put",), (poses,)), ("senders", "egress", ("declare_subscriber",), (poses,))]
     return {
         "enabled": True,

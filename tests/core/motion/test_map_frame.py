@@ -6,6 +6,7 @@ import cmath
 import math
 from collections.abc import Callable
 from dataclasses import asdict
+from itertools import pairwise
 
 import pytest
 from tests.support.driven import STEP, Driven, Errors, town
@@ -132,7 +133,7 @@ def test_a_heading_that_jumps_is_not_believed_either() -> None:
     turned = lambda n, fix: [PoseFix(fix.stamp_ns, fix.x, fix.y, fix.yaw_ns, fix.yaw + (0.2 if n % 50 == 45 else 0.0))]  # noqa: E731
     _, found = drive(frame, turned)
     assert frame.counts.jumped == len(BIASED.time) / 50
-    assert max(abs(one.yaw - other.yaw) for (*_, one), (*_, other) in zip(found, found[1:], strict=False) if one and other) < 0.05
+    assert max(abs(one.yaw - other.yaw) for (*_, one), (*_, other) in pairwise(found) if one and other) < 0.05
 
 
 def test_poses_that_stay_elsewhere_are_believed_after_a_second() -> None:
@@ -177,7 +178,8 @@ def test_silence_is_said_and_the_last_frame_stays(silent: float) -> None:
 def test_a_clock_that_is_off_is_named() -> None:
     for off, says in ((-7.2, "behind"), (7.2, "ahead of")):
         frame = MapFrame(IDENTITY, PoseHealth())
-        shifted = lambda n, fix, ns=round(off * 1e9): [PoseFix(fix.stamp_ns + ns, fix.x, fix.y, fix.yaw_ns + ns, fix.yaw)]  # noqa: E731
+        off_ns = round(off * 1e9)
+        shifted = lambda n, fix, ns=off_ns: [PoseFix(fix.stamp_ns + ns, fix.x, fix.y, fix.yaw_ns + ns, fix.yaw)]  # noqa: E731
         odometry, _ = drive(frame, shifted, until=500)
         name, why = frame.state(odometry.states[-1].stamp_ns)
         assert name == "waiting"
