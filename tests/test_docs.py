@@ -9,7 +9,7 @@ import cantools
 import msgspec
 import pytest
 
-from echogrid.can.profile import MotionProfile, RadarProfile
+from echogrid.can.profile import MotionProfile, PoseProfile, RadarProfile
 from echogrid.can.signals import SignalReader
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
@@ -27,7 +27,8 @@ def keys(kind: object) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    ("document", "kind"), [("docs/configuration.md", Config), ("dbc/README.md", RadarProfile), ("dbc/README.md", MotionProfile)]
+    ("document", "kind"),
+    [("docs/configuration.md", Config), ("dbc/README.md", RadarProfile), ("dbc/README.md", MotionProfile), ("dbc/README.md", PoseProfile)],
 )
 def test_every_key_is_explained(document: str, kind: type) -> None:
     text = (ROOT / document).read_text()
