@@ -97,6 +97,8 @@ class Mapper:
         self.cycle_end_ns: int | None = None
         self.epoch = 0  # maps begun before this one
         self._in_view = in_view(mounts, occupancy.spec)
+        self._in_view_of: dict[tuple[str, ...], NDArray[np.uint16]] = {}  # of those that came with one cycle
+        self._numbers = {name: number for number, name in enumerate(mounts)}
 
     def keep(self, shelf: Shelf, epoch: int) -> None:
         """From the start on: where the map's tiles go that the memory has no room for, and the number that epochs begin with."""
@@ -235,16 +237,17 @@ class Mapper:
         return standing, beside_movers(found.points, ~standing, self.noise)
 
     def _judged(self, placed: list[PlacedScan], found: Detections, standing: NDArray[np.bool_], beside: NDArray[np.bool_]) -> Judged:
-        numbers = {name: number for number, name in enumerate(self.mounts)}
-        radars = np.repeat(np.array([numbers[one.scan.sensor] for one in placed], np.uint8), [len(one.scan) for one in placed])
-        verdicts = np.where(standing, np.where(beside, Judged.BESIDE, Judged.STATIC), Judged.MOVING).astype(np.uint8)
+        radars = np.repeat(np.array([self._numbers[one.scan.sensor] for one in placed], np.uint8), [len(one.scan) for one in placed])
+        verdicts = np.full(len(standing), Judged.STATIC, np.uint8)
+        verdicts[beside] = Judged.BESIDE
+        verdicts[~standing] = Judged.MOVING
         return Judged(found.points, radars, verdicts)
 
     def _beams(self, placed: list[PlacedScan], found: Detections, now: EgoState) -> Beams:
         """Their static detections as far as the map reaches, which may be farther than a network is shown."""
         far = np.concatenate([one.whole.range for one in placed]) <= self.map.reach
-        bits = {name: 1 << bit for bit, name in enumerate(self.mounts)}
-        radars = np.repeat(np.array([bits[one.whole.sensor] for one in placed], dtype=np.uint16), [len(one.whole) for one in placed])
+        bits = np.array([1 << self._numbers[one.whole.sensor] for one in placed], dtype=np.uint16)
+        radars = np.repeat(bits, [len(one.whole) for one in placed])
         reached, radars = found.chosen(far), radars[far]
         standing, beside = self._gate(reached)
         static = standing & ~beside
@@ -258,7 +261,10 @@ class Mapper:
 
     def _view(self, placed: list[PlacedScan], stamp_ns: int) -> View:
         """Which radars had which cells in view, as if from where the car is now: within a cycle it goes a few cells at most."""
-        return View(stamp_ns, np.bitwise_or.reduce([self._in_view[one.scan.sensor] for one in placed]))
+        seen_by = tuple(sorted({one.scan.sensor for one in placed}))
+        if seen_by not in self._in_view_of:
+            self._in_view_of[seen_by] = np.bitwise_or.reduce([self._in_view[name] for name in seen_by])
+        return View(stamp_ns, self._in_view_of[seen_by])
 
     def _live(self, now_ns: int) -> list[str]:
         """Trusted radars with a scan that is not older than `max_age_ns`."""

@@ -35,6 +35,8 @@ class RadarScan:
 
     def chosen(self, which: NDArray[np.bool_]) -> RadarScan:
         """The scan with the detections of a mask (N,) alone."""
+        if which.all():
+            return self
         return RadarScan(
             self.sensor,
             self.stamp_ns,

@@ -64,13 +64,9 @@ def _network(config: Config, source: Path) -> SensorModel:
         said = choice.why if network.contract.calibration == Calibration() else f"{choice.why}; {UNCALIBRATED}"
         return SensorModel(summed, _sum(config), said)
 
-    def averaged(around: Surroundings) -> Image:
-        log_odds, weight = network(around)
-        return np.stack((log_odds, weight))
-
     tiles = config.map.tiles(LookMap.layers)
     looks = LookMap(spec, network.contract.calibration, config.map.clamp, tiles, config.sensor_model.beam())
-    return SensorModel(averaged, looks, choice.why)
+    return SensorModel(network, looks, choice.why)
 
 
 def _sum(config: Config) -> OccupancyMap:

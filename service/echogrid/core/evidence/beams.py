@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from echogrid.core.evidence.inverse_sensor_model import BeamModel
 from echogrid.core.kernels.cells import window_cells
 from echogrid.core.messages import Floats
 
@@ -47,11 +46,14 @@ class Reach:
     shares: Floats  # (rays,) of a detection
 
     @staticmethod
-    def of(beams: Beams, model: BeamModel) -> Reach:
-        """Of each of the beams."""
-        sigmas, shares = model.spread()
+    def of(beams: Beams, sigmas: Floats, shares: Floats, sigma: float) -> Reach:
+        """Of each of the beams, with rays as `BeamModel.spread` has them; `sigma`: rad, of the azimuth."""
         away = beams.points - beams.origins
-        bearing = np.arctan2(away[:, 1], away[:, 0])[:, None] + sigmas * model.beam_sigma  # (N, rays)
+        bearing = np.arctan2(away[:, 1], away[:, 0])[:, None] + sigmas * sigma  # (N, rays)
         distance = np.hypot(away[:, 0], away[:, 1])
-        ends = beams.origins[:, None] + distance[:, None, None] * np.stack((np.cos(bearing), np.sin(bearing)), axis=-1)
+        ends = np.empty((*bearing.shape, 2))
+        np.cos(bearing, out=ends[..., 0])
+        np.sin(bearing, out=ends[..., 1])
+        ends *= distance[:, None, None]
+        ends += beams.origins[:, None]
         return Reach(distance, away / np.maximum(distance, 1e-9)[:, None], ends, shares)

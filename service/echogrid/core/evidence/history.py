@@ -34,6 +34,8 @@ class Detections:
 
     def chosen(self, which: NDArray[np.bool_]) -> Detections:
         """Those of a mask (N,)."""
+        if which.all():
+            return self
         return Detections(self.points[which], self.origins[which], self.rcs[which], self.deviation[which])
 
 
@@ -80,13 +82,13 @@ class History:
         self.length = length
         self.updates = 0
         self._entries: deque[tuple[float, int, int]] = deque()  # of an update: m travelled at that time, detections, looks
-        self._detections = _Rows((2,), (2,), (), ())  # as the fields of Detections
+        self._detections = _Rows((2,), (2,), (), (), (), ())  # as the fields of Detections, m travelled, number of the update
         self._looks = _Rows((3,), (), ())  # as those of Looks
 
     def add(self, detections: Detections, looks: Looks, odom_from_base: SE2, distance: float) -> None:
         """What the update at `distance` (m, travelled) saw, in base there."""
         there, seen = detections.moved(odom_from_base), looks.moved(odom_from_base)
-        self._detections.add(there.points, there.origins, there.rcs, there.deviation)
+        self._detections.add(there.points, there.origins, there.rcs, there.deviation, distance, self.updates)
         self._looks.add(seen.place, seen.half_fov, seen.max_range)
         self._entries.append((distance, len(detections), len(looks.place)))
         self.updates += 1
@@ -98,17 +100,16 @@ class History:
     def surroundings(self, odom_from_base: SE2, live: Sequence[str]) -> Surroundings:
         """As seen from the pose of the update added last. At least one must have been added."""
         base_from_odom = odom_from_base.inverse()
-        distance, counts, _ = zip(*self._entries, strict=True)
-        past = Detections(*self._detections.copies()).moved(base_from_odom)
-        age = distance[-1] - np.array(distance)
-        numbers = np.arange(self.updates - len(counts), self.updates)
-        newest = slice(len(past) - counts[-1], None)
+        distance, count, _ = self._entries[-1]
+        points, origins, rcs, deviation, travelled, update = self._detections.rows()
+        past = Detections(base_from_odom.apply(points), base_from_odom.apply(origins), rcs.copy(), deviation.copy())
+        newest = slice(len(past) - count, None)
         return Surroundings(
             now=Detections(past.points[newest], past.origins[newest], past.rcs[newest], past.deviation[newest]),
             past=past,
-            age=np.repeat(age, counts),
-            update=np.repeat(numbers, counts),
-            looks=Looks(*self._looks.copies()).moved(base_from_odom),
+            age=distance - travelled,
+            update=update.astype(np.int64),
+            looks=Looks(*(rows.copy() for rows in self._looks.rows())).moved(base_from_odom),
             live=live,
         )
 
@@ -120,11 +121,11 @@ class _Rows:
         self._arrays = [np.empty((256, *width)) for width in widths]
         self._begin = self._end = 0
 
-    def add(self, *arrays: Floats) -> None:
-        """Rows behind the last."""
-        more = len(arrays[0])
+    def add(self, *arrays: Floats | float) -> None:
+        """Rows behind the last; a number stands in all of them."""
+        more = len(np.atleast_1d(arrays[0]))
         if self._end + more > len(self._arrays[0]):
-            kept = self.copies()
+            kept = [rows.copy() for rows in self.rows()]
             self._begin, self._end = 0, len(kept[0])
             if 2 * (self._end + more) > len(self._arrays[0]):
                 self._arrays = [np.empty((2 * (self._end + more), *old.shape[1:])) for old in kept]
@@ -138,6 +139,6 @@ class _Rows:
         """The oldest."""
         self._begin += count
 
-    def copies(self) -> list[Floats]:
-        """All rows, the caller's own."""
-        return [array[self._begin : self._end].copy() for array in self._arrays]
+    def rows(self) -> list[Floats]:
+        """All of them, until the next change."""
+        return [array[self._begin : self._end] for array in self._arrays]

@@ -104,6 +104,8 @@ static PyObject *done(Given *given) {
 #define WIDE
 #endif
 
+enum { BLOCK = 64 }; /* cells that are worked on together */
+
 #define ARRAY(n) (&given.array[n])
 #define ROW(type, n, i) ((type *)((char *)given.array[n].buf + (i) * given.array[n].strides[0]))
 #define ROW3(type, n, p, i) ((type *)((char *)given.array[n].buf + (p) * given.array[n].strides[0] + (i) * given.array[n].strides[1]))
@@ -543,6 +545,37 @@ static inline int inside_window(double x, double y, const Window *window, int64_
     return *row >= 0 && *row < window->size && *column >= 0 && *column < window->size;
 }
 
+/* Cells of the window at so many points of a beam, a step and more from its origin on; -1 outside. Almost always by the inverse of a cell's
+ * side, as in floored_quotient, for all points alike. */
+WIDE static void along_beam(Py_ssize_t points, const double *origin, const double *direction, double step, const Window *window, int32_t *out) {
+    const double first_column = (double)window->column, first_row = (double)window->row, size = (double)window->size, inverse = window->inverse;
+    const double x = origin[0], y = origin[1], dx = direction[0], dy = direction[1];
+    double far = fabs(x) > fabs(y) ? fabs(x) : fabs(y);
+    int doubtful = !((far + step * (double)(points + 1)) * inverse < 1e6);
+    const int32_t across = (int32_t)window->size;
+    for (Py_ssize_t k = 0; !doubtful && k < points; k += BLOCK) {
+        int32_t some = (int32_t)(points - k < BLOCK ? points - k : BLOCK), close = 0;
+        for (int32_t n = 0; n < some; n++) {
+            double along = step + (double)((int32_t)k + n) * step, u = (x + along * dx) * inverse, v = (y + along * dy) * inverse;
+            double column = (double)(int32_t)u, row = (double)(int32_t)v;
+            column -= u < column ? 1.0 : 0.0;
+            row -= v < row ? 1.0 : 0.0;
+            double right = u - column, above = v - row;
+            close |= !((right > 1e-6) & (right < 1 - 1e-6) & (above > 1e-6) & (above < 1 - 1e-6));
+            column -= first_column;
+            row -= first_row;
+            int32_t at = (int32_t)row * across + (int32_t)column;
+            out[k + n] = (row >= 0) & (row < size) & (column >= 0) & (column < size) ? at : -1;
+        }
+        doubtful = close;
+    }
+    int64_t row, column;
+    for (Py_ssize_t k = 0; doubtful && k < points; k++) {
+        double along = step + (double)k * step;
+        out[k] = inside_window(x + along * dx, y + along * dy, window, &row, &column) ? (int32_t)(row * window->size + column) : -1;
+    }
+}
+
 KERNEL(look) {
     TAKE("xxxxd2d1d2d2d2d1H1xl1d1f1!B1!B1!i1!l1!i1!f1!f1!f1!H1!");
     int64_t row = (int64_t)given.number[0], column = (int64_t)given.number[1], size = (int64_t)given.number[2];
@@ -565,10 +598,13 @@ KERNEL(look) {
     Py_ssize_t touched = 0, fresh = 0;
     double most = beams * (double)(rays + around); /* cells that may be touched */
     for (Py_ssize_t n = 0; n < beams; n++) most += distance[n] > 0 ? distance[n] / step + 1 : 0;
-    int32_t *mine = malloc((beams + 1) * sizeof *mine);
+    double longest = 0;
+    for (Py_ssize_t n = 0; n < beams; n++) longest = distance[n] > longest ? distance[n] : longest;
+    int32_t *mine = malloc((beams + 1) * sizeof *mine), *way = isfinite(longest) ? malloc((size_t)(longest / step + 3) * sizeof *way) : NULL;
     Touched *list = malloc((most < cells ? (size_t)most + 1 : (size_t)cells + 1) * sizeof *list);
-    if (mine == NULL || list == NULL) {
+    if (mine == NULL || list == NULL || way == NULL) {
         free(mine);
+        free(way);
         free(list);
         drop(&given);
         return PyErr_NoMemory();
@@ -585,19 +621,21 @@ KERNEL(look) {
     }
     for (Py_ssize_t n = 0; n < beams; n++) {
         const double *point = ROW(double, 2, n), *origin = ROW(double, 3, n), *direction = ROW(double, 4, n);
-        int64_t before = -1;
+        int32_t before = -1;
         if (inside_window(point[0], point[1], &window, &r, &c) && !own[r * size + c]) {
             own[r * size + c] = 1;
             mine[fresh++] = (int32_t)(r * size + c);
         }
-        for (Py_ssize_t k = 0;; k++) {
-            double along = step + (double)k * step;
-            if (!(along < distance[n] - margin)) break;
-            if (!inside_window(origin[0] + along * direction[0], origin[1] + along * direction[1], &window, &r, &c)) continue;
-            int64_t at = r * size + c;
-            if (at == before) continue;
+        double limit = distance[n] - margin;
+        Py_ssize_t points = limit > step ? (Py_ssize_t)((limit - step) / step) : 0; /* about as many: */
+        while (points > 0 && !(step + (double)(points - 1) * step < limit)) points--;
+        while (step + (double)points * step < limit) points++;
+        along_beam(points, origin, direction, step, &window, way);
+        for (Py_ssize_t k = 0; k < points; k++) {
+            int32_t at = way[k];
+            if (at < 0 || at == before) continue;
             before = at;
-            Touched *found = touch(list, place, &touched, r, c, size);
+            Touched *found = place[at] ? &list[place[at] - 1] : touch(list, place, &touched, at / (int32_t)size, at % (int32_t)size, size);
             found->who |= radars[n];
             found->passed |= !passed[at];
             passed[at] = 1;
@@ -630,6 +668,7 @@ KERNEL(look) {
     begins[0] = 0;
     Py_END_ALLOW_THREADS;
     free(mine);
+    free(way);
     free(list);
     return done(&given);
 }
@@ -886,8 +925,6 @@ static inline float logarithm(float x) {
 typedef struct {
     float gain, offset, learned, prior, surest, hit, near, passed, none, doubt, doubted, slope, steep, alone, enough, surer;
 } Rule;
-
-enum { BLOCK = 64 }; /* cells that are read out together */
 
 /* A cell's values stand in arrays from one step to the next: a step that is taken for all cells has no branch. */
 WIDE static void read_block(const float *const *layers, Py_ssize_t width, const Rule *given, float *out) {

@@ -87,7 +87,10 @@ class LookMap(TiledMap):
         """
         log_odds, weight = said
         share = np.float32(1 / UPDATES)
-        planes = np.stack((log_odds * weight * share, weight * share))
+        planes = np.empty((2, *weight.shape), dtype=np.float32)
+        np.multiply(log_odds, weight, out=planes[0])
+        planes[0] *= share
+        np.multiply(weight, share, out=planes[1])
         footprint = Footprint.of(odom_from_base, self.spec)
         patch = footprint.bilinear(planes)
         for layers, inside, piece in self._under(footprint, view):

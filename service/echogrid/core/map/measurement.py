@@ -61,30 +61,33 @@ class Measurement:
     def __init__(self, cell: float, beam: BeamModel) -> None:
         """`cell`: m."""
         self.beam = beam
+        self._spread = (*beam.spread(), beam.beam_sigma)
         self._cell = cell
         self._size = 2 * math.ceil((REACH + SLACK) / cell)
         inner, outer = (disc(radius / cell, self._size) for radius, _ in NEAR)
         self._offsets = outer
         self._weights = np.where(np.isin(outer, inner), NEAR[0][1] + NEAR[1][1], NEAR[1][1])
-        self._scratch = np.zeros(self._size**2, np.int32)
+        cells = self._size**2
+        self._scratch, self._inside = np.zeros(cells, np.int32), np.empty(cells, np.int32)
+        self._hits, self._near, self._passes = (np.empty(cells, np.float32) for _ in range(3))
+        self._radars = np.empty(cells, np.uint16)
+        self._hit, self._own, self._passed = np.zeros(cells, np.float32), np.zeros(cells, np.uint8), np.zeros(cells, np.uint8)
         self.begin(SE2(0.0, 0.0, 0.0))
 
     def begin(self, odom_from_base: SE2) -> None:
         """A new look from here."""
-        half, cells = self._size // 2, self._size**2
+        half = self._size // 2
         row, column = (math.floor(value / self._cell) - half for value in (odom_from_base.y, odom_from_base.x))
         self._window = Window(row, column, self._size, self._cell)
-        self._hit = np.zeros(cells, np.float32)
-        self._own, self._passed = np.zeros((2, cells), np.uint8)
+        for counted in (self._hit, self._own, self._passed):
+            counted.fill(0)
         self._standstill: Standstill | None = None
         self._arrived = np.zeros(0, np.float32)  # looks that arrivals were given
 
     def look(self, beams: Beams) -> Change:
-        """One of the updates that a look consists of: what it adds to those before."""
-        window, reach = self._window, Reach.of(beams, self.beam)
-        begins, cells = np.empty(len(tiles_under(window)) + 1, np.int64), window.size**2
-        inside, radars = np.empty(cells, np.int32), np.empty(cells, np.uint16)
-        hits, near, passes = (np.empty(cells, np.float32) for _ in range(3))
+        """One of the updates that a look consists of: what it adds to those before. The change holds until the next."""
+        window, reach = self._window, Reach.of(beams, *self._spread)
+        begins = np.empty(len(tiles_under(window)) + 1, np.int64)
         loops.look(
             window.row,
             window.column,
@@ -105,15 +108,16 @@ class Measurement:
             self._passed,
             self._scratch,
             begins,
-            inside,
-            hits,
-            near,
-            passes,
-            radars,
+            self._inside,
+            self._hits,
+            self._near,
+            self._passes,
+            self._radars,
         )
         some = slice(int(begins[-1]))
         nothing = np.zeros(some.stop, np.bool_)
-        return Change(window, begins, inside[some], hits[some], near[some], passes[some], nothing, nothing, radars[some])
+        counted = (values[some] for values in (self._inside, self._hits, self._near, self._passes))
+        return Change(window, begins, *counted, nothing, nothing, self._radars[some])
 
     def stand(self, beams: Beams, seconds: float) -> Change:
         """An update after those, from the same place: only what arrives and what leaves counts. `seconds` since the last."""
@@ -126,7 +130,7 @@ class Measurement:
         arrived, left = self._standstill.see(own, seconds)
         if not arrived.any() and not left.any():
             return self._nothing()
-        reach = Reach.of(beams, self.beam)
+        reach = Reach.of(beams, *self._spread)
         cells = window.flat(reach.ends)  # (N, rays)
         counted = (cells >= 0) & arrived[cells] & (self._arrived[cells] < ARRIVED)
         cells, who = cells[counted], np.broadcast_to(beams.radars[:, None], cells.shape)[counted]

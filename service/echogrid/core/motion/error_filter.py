@@ -21,6 +21,7 @@ SLOWEST = 1.0  # m/s: slower wheels are not compared
 TELLING, MOST_VOTES = 0.04, 3  # m/s that a change of the yaw rate makes of the wheels' difference, to tell whether both go together
 FARTHEST = 4.0  # sigmas: what is farther off is no measurement
 UNSURE, SURE = 1.5, 2.0  # sigmas: of an estimate up to which nothing is taken off, and from which on all of it
+MOTION = np.array((SCALE, BIAS, TURN_SCALE))  # what the motion itself is off by
 SMOOTHED = 0.2  # s over which accelerations are taken
 
 Learns = Literal["driving", "standing", "never"]
@@ -89,11 +90,14 @@ class ErrorFilter:
 
     def certainty(self, speed: float, yaw_rate: float) -> Certainty:
         """At the newest pose, while the car moves like this (m/s, rad/s, corrected)."""
-        pose = self.covariance[:POSE, :POSE] + np.outer(self.mean[:POSE], self.mean[:POSE])
-        slope = np.zeros((2, len(self.mean)))
-        slope[0, SCALE], slope[1, BIAS], slope[1, TURN_SCALE] = speed, -1.0, yaw_rate
-        off = slope @ self._not_applied()
-        motion = slope @ self.covariance @ slope.T + np.outer(off, off) + np.diag((model.WHEEL_NOISE**2, model.GYRO_NOISE**2))
+        mean, covariance = self.mean, self.covariance
+        pose = covariance[:POSE, :POSE] + mean[:POSE, None] * mean[:POSE]
+        (scales, with_bias, with_turn), (_, biases, bias_turn), (_, _, turns) = covariance[MOTION[:, None], MOTION].tolist()
+        scale, bias, turn_scale = mean[MOTION].tolist()  # the speed is off by speed * scale, the yaw rate by yaw_rate * turn_scale - bias
+        wheels, gyro = speed * (scale - self.scale), yaw_rate * turn_scale - (bias - self.bias)
+        both = speed * (yaw_rate * with_turn - with_bias) + wheels * gyro
+        turning = yaw_rate * (yaw_rate * turns - 2 * bias_turn) + biases + gyro**2
+        motion = np.array(((speed**2 * scales + wheels**2 + model.WHEEL_NOISE**2, both), (both, turning + model.GYRO_NOISE**2)))
         return Certainty(pose, motion)
 
     def learned(self) -> dict[str, float]:
