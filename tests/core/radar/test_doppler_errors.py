@@ -13,7 +13,7 @@ from echogrid.core.motion.error_filter import ErrorFilter
 from echogrid.core.motion.error_model import BIAS, TRACK, TURN_SCALE, UNEVEN
 from echogrid.core.motion.odometry import EgoState
 from echogrid.core.motion.se2 import IDENTITY
-from echogrid.core.radar.doppler_errors import DopplerErrors, equations, rows_of
+from echogrid.core.radar.doppler_errors import CORRELATED, DISTORTED, SLIPPING, DopplerErrors, equations, rows_of
 from echogrid.core.radar.placed_scan import PlacedScan
 from echogrid.core.radar.static_gate import GateNoise, static_range_rate
 
@@ -78,3 +78,29 @@ def test_scans_that_only_repeat_what_was_said_are_left_out(later_ns: int, used: 
     before = errors.covariance.copy()
     doppler.add([placed("rear_left", stamp_ns=EGO.stamp_ns + later_ns)], errors, NOISE)
     assert (errors.covariance != before).any() == used
+
+
+def test_what_stands_is_within_the_sigmas_of_noise_and_doubt_together() -> None:
+    exact = replace(NOISE, range_rate=0.2, azimuth=0.0, sigmas=3.0)
+    errors = ErrorFilter(tuple(MOUNTS))
+    errors.covariance[:] = 0.0
+    for off, stands in ((0.59, True), (-0.59, True), (0.61, False), (-0.61, False)):
+        assert (equations(placed("rear_left", off), errors, exact)[2] > 0).all() == stands
+    own = rows_of(errors, "rear_left")[-1]
+    errors.covariance[own, own] = 0.15**2  # of the range rate itself, so that 0.25 m/s are a sigma
+    for off, stands in ((0.74, True), (-0.76, False)):
+        assert (equations(placed("rear_left", off), errors, exact)[2] > 0).all() == stands
+
+
+@pytest.mark.parametrize(("count", "shared"), [(8, 1.0), (10, 1.0), (25, 2.5)])
+def test_weights_are_inverse_variances_which_grow_abeam(count: int, shared: float) -> None:
+    """Straight ahead at 9 m/s: an error of azimuth changes the range rate by 9 m/s times the bearing's sine."""
+    errors, ego = ErrorFilter(tuple(MOUNTS)), replace(EGO, yaw_rate=0.0)
+    errors.acceleration = SLIPPING  # which doubles a variance
+    azimuth = np.linspace(-1.2, 1.2, count)
+    rate, _ = static_range_rate(azimuth, MOUNTS["rear_left"], ego.speed, 0.0)
+    scan = RadarScan("rear_left", ego.stamp_ns, ego.stamp_ns, np.full(count, 9.0), azimuth, rate, np.zeros(count), 0.0)
+    weight = equations(PlacedScan.of(scan, MOUNTS["rear_left"], ego, NOISE), errors, NOISE)[2]
+    abeam = 9.0 * np.sin(azimuth + MOUNTS["rear_left"].base_from_sensor.yaw)
+    variance = NOISE.range_rate**2 + (abeam * NOISE.azimuth) ** 2 + (abeam * DISTORTED) ** 2
+    np.testing.assert_allclose(1.0 / weight, 2.0 * CORRELATED * shared * variance, rtol=1e-9)

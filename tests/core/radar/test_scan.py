@@ -56,6 +56,17 @@ def test_a_page_of_another_cycle_is_no_part_of_this_one() -> None:
     assert health == SensorHealth(wrong_cycle=1)
 
 
+def test_where_either_states_no_cycle_pages_belong_to_the_open_one() -> None:
+    """There is nothing to tell them apart by."""
+    for of_header, of_page in ((7, None), (None, 7), (None, None)):
+        for rule, frames in ((COUNTED, []), (CLOSED, [end()])):
+            health = SensorHealth()
+            opening = CycleFrame(FrameKind.HEADER, b"h", 0, of_header, expected=2)
+            pages = [CycleFrame(FrameKind.DETECTIONS, bytes((slot,)), MS, of_page, slot) for slot in range(2)]
+            assert len(feed(ScanAssembler(rule, health), [opening, *pages, *frames])[0].frames) == 2
+            assert health == SensorHealth()
+
+
 def test_a_page_without_a_header_is_counted() -> None:
     health = SensorHealth()
     assert feed(ScanAssembler(COUNTED, health), [page(1, 0), page(1, 1)]) == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -70,3 +71,28 @@ def test_the_threshold_grows_abeam() -> None:
     static, _ = static_range_rate(azimuth, front, 14.0, 0.0)
     ahead, abeam = deviation(azimuth, static + 0.9, 0.0, front, 14.0, 0.0, GateNoise())
     assert ahead > GateNoise().sigmas > abeam
+
+
+def test_each_error_counts_by_what_it_does_to_the_prediction() -> None:
+    """One at a time, a sigma of it put into the prediction is a sigma; of the yaw rate where it does most."""
+    corner = Mount(SE2(3.7, 0.8, math.radians(45)), 3.2, 50.0)
+    azimuth = np.linspace(-math.pi, math.pi, 721)
+    speed, yaw_rate, little = 10.0, 0.2, 1e-5
+    none = GateNoise(range_rate=0.0, azimuth=0.0, speed=0.0, yaw_rate=0.0)
+
+    def off(noise: GateNoise, seen: np.ndarray, turning: float = yaw_rate) -> np.ndarray:
+        return deviation(azimuth, seen, 0.0, corner, speed, turning, noise)
+
+    straight, _ = static_range_rate(azimuth, corner, speed * (1 + little), 0.0)
+    shown = np.abs(np.cos(azimuth + math.radians(45))) > 0.01  # abeam a speed does nothing
+    np.testing.assert_allclose(off(replace(none, speed=little), straight, 0.0)[shown], 1.0, rtol=1e-4)
+    turned, _ = static_range_rate(azimuth, corner, speed, yaw_rate + little)
+    assert off(replace(none, yaw_rate=little), turned).max() == pytest.approx(1.0, rel=1e-4)
+    aside, derivative = static_range_rate(azimuth + little, corner, speed, yaw_rate)
+    shown = np.abs(derivative) > 0.1
+    np.testing.assert_allclose(off(replace(none, azimuth=little), aside)[shown], 1.0, rtol=1e-3)
+    static, _ = static_range_rate(azimuth, corner, speed, yaw_rate)
+    np.testing.assert_allclose(off(replace(none, range_rate=0.1), static - 0.1), 1.0, rtol=1e-9)
+    every = GateNoise(range_rate=0.1, azimuth=0.02, speed=0.03, yaw_rate=0.04)
+    parts = [replace(none, **{name: getattr(every, name)}) for name in ("range_rate", "azimuth", "speed", "yaw_rate")]
+    np.testing.assert_allclose(off(every, static + 1.0) ** -2, sum(off(part, static + 1.0) ** -2 for part in parts), rtol=1e-9)
