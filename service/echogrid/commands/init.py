@@ -60,9 +60,10 @@ def _heard(log: Path, advance: Callable[[float], None] | None) -> tuple[Heard, E
     """All that can be read, and what is wrong with the file."""
     heard, recording = Heard(), Log(log)
     try:
-        for message in recording:
-            heard.add(message)
-            if advance is not None and recording.messages % 1024 == 0:
+        for batch in recording.batches():
+            for message in batch:
+                heard.add(message)
+            if advance is not None:
                 advance(recording.progress)
     except EchogridError as error:
         if not recording.messages:

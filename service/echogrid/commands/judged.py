@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import can
+import numpy as np
 
 from echogrid.can.bus import LiveBus
 from echogrid.commands.traffic import Traffic
@@ -52,9 +53,10 @@ def check_log(config: Config, source: Path, path: Path, on_progress: Callable[[f
     log, traffic = Log(path), Traffic(config, listener.reader)
     torn: EchogridError | None = None
     try:
-        for message in log:
-            traffic.add(listener.add(message), message)
-            if on_progress is not None and log.messages % 1024 == 0:
+        for batch in log.batches():
+            for message in batch:
+                traffic.add(listener.add(message), message)
+            if on_progress is not None:
                 on_progress(log.progress)
     except EchogridError as error:
         if not log.messages:
@@ -71,7 +73,7 @@ def check_live(config: Config, source: Path, seconds: float, on_progress: Callab
     listener = Listener(config, source)
     heard = listen(config, seconds, on_progress)
     times, traffic = Times(), Traffic(config, listener.reader)
-    times.add(heard)
+    times.add(np.array([message.timestamp for message in heard]))
     for message in heard:
         traffic.add(listener.add(message), message)
     return _report(listener, Account(), times, traffic, None)

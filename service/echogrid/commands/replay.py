@@ -80,19 +80,20 @@ def replay(
         recording = None if record is None else opened.enter_context(ReplayRecording(record, pipeline))
         keeper: TileKeeper | None = None
         try:
-            for message in log:
-                bus = bus_of(message, config.bus)
-                traffic.add(bus, message)
-                if store is not None and keeper is None:
-                    keeper = opened.enter_context(pipeline.keep(store, round(message.timestamp * 1e9), threading.Lock()))
-                if realtime:
-                    _wait(message.timestamp, recorder)
-                update = recorder.add(bus or "", message)
-                if recording is not None:
-                    recording.add(bus or str(message.channel), message, update)
-                if keeper is not None and keeper.due():
-                    _flush(keeper)
-                if on_progress is not None and log.messages % 256 == 0:
+            for batch in log.batches():
+                for message in batch:
+                    bus = bus_of(message, config.bus)
+                    traffic.add(bus, message)
+                    if store is not None and keeper is None:
+                        keeper = opened.enter_context(pipeline.keep(store, round(message.timestamp * 1e9), threading.Lock()))
+                    if realtime:
+                        _wait(message.timestamp, recorder)
+                    update = recorder.add(bus or "", message)
+                    if recording is not None:
+                        recording.add(bus or str(message.channel), message, update)
+                    if keeper is not None and keeper.due():
+                        _flush(keeper)
+                if on_progress is not None:
                     on_progress(log.progress)
         except EchogridError as error:
             torn = error

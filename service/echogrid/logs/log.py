@@ -9,16 +9,16 @@ from pathlib import Path
 
 import can
 
+from echogrid.can.frames import FrameBatch, batches
 from echogrid.errors import EchogridError
 from echogrid.files import meant
 from echogrid.logs.formats import blf, library, pcap
 from echogrid.logs.formats.account import Account
-from echogrid.logs.formats.frame import Frame, as_messages
 from echogrid.logs.formats.stream import Stream
 from echogrid.logs.formats.times import Times, settled
 from echogrid.logs.text import asc, candump, csv_log, trc
 
-Reader = Callable[[Stream, Account], Iterator[list[Frame]]]
+Reader = Callable[[Stream, Account], Iterator[FrameBatch]]
 OURS: dict[str, Reader] = {
     ".asc": asc.read,
     ".blf": blf.read,
@@ -39,7 +39,7 @@ EXTRAS = {  # what reads an ending, where it is not installed with the service
 
 
 class Log:
-    """Iterates over the messages of a recording, in the file's order. `progress` is the share of the file read so far, 0 to 1.
+    """The frames of a recording, in the file's order. `messages` counts them, `progress` is the share of the file read so far, 0 to 1.
 
     `account` and `times` say what was in it, complete at the end. Raises EchogridError at once for an unknown ending or a missing file, and
     after the last message that could be read where anything was not understood or torn.
@@ -69,12 +69,19 @@ class Log:
         return 1.0 if self._raw.closed or not self._size else self._raw.tell() / self._size
 
     def __iter__(self) -> Iterator[can.Message]:
+        """One by one."""
+        for batch in self.batches():
+            yield from batch
+
+    def batches(self) -> Iterator[FrameBatch]:
+        """Many at once; none is empty."""
         try:
             with self._raw:
-                for group in self._groups():
-                    self.times.add(group)
-                    for self.messages, message in enumerate(group, self.messages + 1):  # noqa: B020  # counts on
-                        yield message
+                for batch in self._batches():
+                    self.times.add(batch.stamps)
+                    self.messages += len(batch)
+                    if len(batch):
+                        yield batch
         except (EchogridError, GeneratorExit):
             raise
         except ImportError as error:
@@ -89,7 +96,7 @@ class Log:
         if faults:
             raise EchogridError(f"{self.path}: {'; '.join(faults)}")
 
-    def _groups(self) -> Iterator[list[can.Message]]:
+    def _batches(self) -> Iterator[FrameBatch]:
         if self._suffix in BY_PATH:
             yield from self._by_path()
             return
@@ -97,16 +104,12 @@ class Log:
         if self._suffix == ".mcap":
             from echogrid.logs.formats.mcap_log import McapLog  # an extra
 
-            for message in McapLog(stream.file()):
-                library.check(message)
-                yield [message]
+            yield from batches(library.checked(iter(McapLog(stream.file())), self.account))
             return
-        groups = OURS[self._suffix](stream, self.account)
-        if self._suffix in HEADLESS:
-            groups = settled(groups, self.account)
-        yield from map(as_messages, groups)
+        found = OURS[self._suffix](stream, self.account)
+        yield from settled(found, self.account) if self._suffix in HEADLESS else found
 
-    def _by_path(self) -> Iterator[list[can.Message]]:
+    def _by_path(self) -> Iterator[FrameBatch]:
         if not self._packing:
             yield from BY_PATH[self._suffix](self.path, self.account)
             return

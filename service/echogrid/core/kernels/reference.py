@@ -32,6 +32,11 @@ from echogrid.core.kernels.cells import (
 )
 from echogrid.core.kernels.frames import quantities as quantities
 from echogrid.core.kernels.frames import signals as signals
+from echogrid.core.kernels.lines import asc_lines as asc_lines
+from echogrid.core.kernels.lines import blf_objects as blf_objects
+from echogrid.core.kernels.lines import candump_lines as candump_lines
+from echogrid.core.kernels.lines import csv_lines as csv_lines
+from echogrid.core.kernels.lines import trc_lines as trc_lines
 from echogrid.core.kernels.reading import percent as percent
 from echogrid.core.kernels.reading import read_out as read_out
 

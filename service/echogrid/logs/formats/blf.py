@@ -9,9 +9,10 @@ from datetime import UTC, datetime
 
 import numpy as np
 
+from echogrid.can.frames import FrameBatch
+from echogrid.core.kernels.dispatch import loops
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.blf_objects import NAME, WANTED, decode
-from echogrid.logs.formats.frame import Frame
 from echogrid.logs.formats.stream import Stream, Window, inflated
 
 FILE_HEAD = struct.Struct("<4sI8xQQII8H8H")  # signature, size; sizes of file and content, objects, of them read; begin and end
@@ -19,8 +20,6 @@ BASE = struct.Struct("<4sHHII")  # what every object begins with: signature, hea
 CONTAINER = struct.Struct("<H6xI4x")  # method, unpacked size
 IN_CONTAINER, STORED, DEFLATED = 10, 0, 2
 MARK = b"LOBJ"
-_BASE = np.dtype([("mark", "<u4"), ("header", "<u2"), ("version", "<u2"), ("size", "<u4"), ("kind", "<u4")])
-_MARK = int.from_bytes(MARK, "little")
 PIECE = 1 << 17  # bytes that are unpacked at once
 BATCH = 1 << 19  # bytes of objects that are decoded at once
 MOST_BYTES = 1 << 20  # of an object that holds a frame
@@ -28,8 +27,8 @@ MOST_SKIPPED, LAST_KIND = 1 << 28, 1 << 10  # of any object; what is more is non
 _WANTED = np.isin(np.arange(LAST_KIND + 1), sorted(WANTED))
 
 
-def read(stream: Stream, account: Account) -> Iterator[list[Frame]]:
-    """The frames, in groups; channels as the file numbers them, from 1. Raises ValueError where the file begins otherwise."""
+def read(stream: Stream, account: Account) -> Iterator[FrameBatch]:
+    """The frames; channels as the file numbers them, from 1. Raises ValueError where the file begins otherwise."""
     window = Window(stream)
     head = bytes(window.take(FILE_HEAD.size))
     if len(head) < FILE_HEAD.size or head[:4] != b"LOGG":
@@ -86,7 +85,7 @@ def _step_over(window: Window, walk: _Walk, account: Account) -> None:
     walk.doubted = True
 
 
-def _container(window: Window, walk: _Walk, account: Account, size: int) -> Iterator[list[Frame]]:
+def _container(window: Window, walk: _Walk, account: Account, size: int) -> Iterator[FrameBatch]:
     """The frames of one container, unpacked piece by piece."""
     at, whole = window.at, False
     head = window.take(BASE.size + CONTAINER.size)
@@ -147,7 +146,7 @@ class _Walk:
         """Bytes of an object that has no end yet; after `rest`."""
         return len(self._data) if self._data.strip(b"\0") else 0
 
-    def add(self, data: bytes | bytearray) -> Iterator[list[Frame]]:
+    def add(self, data: bytes | bytearray) -> Iterator[FrameBatch]:
         """The frames that end in this piece and in those before it, once they are many."""
         if self.doubted:
             self._join(data)
@@ -159,10 +158,10 @@ class _Walk:
         if len(self._data) >= self._due:
             yield from self.rest()
 
-    def rest(self) -> Iterator[list[Frame]]:
+    def rest(self) -> Iterator[FrameBatch]:
         """The frames that end in all pieces so far."""
         data = self._data
-        places, kinds, at = _chain(data) or self._walk(data)
+        places, kinds, at = self._walk(data)
         wanted = _WANTED[kinds]
         if not wanted.all():
             for kind, count in zip(*np.unique(kinds[~wanted], return_counts=True), strict=True):
@@ -176,22 +175,25 @@ class _Walk:
 
     def _walk(self, data: bytearray) -> tuple[np.ndarray, np.ndarray, int]:
         """Places and kinds of the objects, one after the other, and where the last one ends; what is none is told."""
-        places: list[int] = []
-        kinds: list[int] = []
-        at, end = 0, len(data)
-        while end - at >= BASE.size:
+        place, end = np.zeros(2, np.int64), len(data)
+        places, kinds = np.empty((2, end // BASE.size), np.int64)
+        whole = np.frombuffer(data, np.uint8)
+        while True:
+            loops.blf_objects(whole, place, places, kinds, _WANTED, BASE.size, MOST_SKIPPED, MOST_BYTES)
+            at, count = int(place[0]), int(place[1])
+            if end - at < BASE.size:
+                break
             signature, header, _, size, kind = BASE.unpack_from(data, at)
             if signature != MARK or not _likely(header, size, kind) or (size > MOST_BYTES and kind in WANTED):
-                at += self._resync(data, at, len(places))
+                place[0] += self._resync(data, at, count)
                 continue
             if at + size > end:
                 if kind in WANTED:
                     break
                 self._skip, size = at + size - end, end - at
-            places.append(at)
-            kinds.append(kind)
-            at += size
-        return np.array(places, np.int64), np.array(kinds, np.int64), at
+            places[count], kinds[count] = at, kind
+            place[:] = at + size, count + 1
+        return places[:count], kinds[:count], at
 
     def _join(self, data: bytes | bytearray) -> None:
         """Between two pieces something was lost. An object goes on in the second if where it should end another one begins."""
@@ -209,33 +211,6 @@ class _Walk:
         if begins or step >= len(MARK):
             self.account.lost(f"{step} bytes behind object {self.objects + objects} of its containers")
         return step
-
-
-def _chain(data: bytearray) -> tuple[np.ndarray, np.ndarray, int] | None:
-    """As `_walk`, at once, where every mark begins an object that ends at the next one; None where it is not so simple."""
-    if len(data) < 2 * BASE.size:
-        return None
-    words = (np.frombuffer(data, "<u4", (len(data) - shift) // 4, shift) for shift in range(4))
-    marks = [np.flatnonzero(of_shift == _MARK) * 4 + shift for shift, of_shift in enumerate(words)]
-    some = [of_shift for of_shift in marks if len(of_shift)]
-    places = some[0] if len(some) == 1 else np.sort(np.concatenate(marks))
-    while len(places) and places[-1] > len(data) - BASE.size:
-        places = places[:-1]
-    if not len(places) or places[0] > 3:
-        return None
-    heads = np.ndarray(len(data) - BASE.size + 1, _BASE, data, strides=(1,))[places]
-    ends = places + heads["size"]
-    gaps = places[1:] - ends[:-1]
-    if (gaps < 0).any() or (gaps > 3).any() or (heads["header"] < BASE.size).any() or (heads["header"] > heads["size"]).any():
-        return None
-    kinds, at = heads["kind"].astype(np.int64), int(ends[-1])
-    if at > len(data):
-        if heads["size"][-1] > MOST_BYTES or kinds[-1] not in WANTED:
-            return None
-        places, kinds, at = places[:-1], kinds[:-1], int(places[-1])
-    elif len(data) - at >= BASE.size + 4:
-        return None
-    return (places, kinds, at) if kinds.size and kinds.max() <= LAST_KIND and heads["size"].max() <= MOST_BYTES else None
 
 
 def _seconds(written: list[int]) -> float:

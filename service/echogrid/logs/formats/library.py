@@ -12,30 +12,29 @@ from pathlib import Path
 
 import can
 
+from echogrid.can.frames import FrameBatch, batches
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.times import END_OF_TIME
 
-GROUP = 256  # frames
 
-
-def read_sqlite(path: Path, account: Account) -> Iterator[list[can.Message]]:
-    """The frames of python-can's table `messages`, in groups; it knows no channels. Raises ValueError and sqlite3's errors."""
+def read_sqlite(path: Path, account: Account) -> Iterator[FrameBatch]:
+    """The frames of python-can's table `messages`; it knows no channels. Raises ValueError and sqlite3's errors."""
     _check_database(path)
     reader = can.SqliteReader(path)
     try:
-        yield from _grouped(iter(reader), account)
+        yield from batches(checked(iter(reader), account))
     finally:
         reader.stop()
 
 
-def read_mf4(path: Path, account: Account) -> Iterator[list[can.Message]]:
-    """The frames of a bus logging, in groups; channels as the file numbers them. Raises ImportError where asammdf is missing."""
+def read_mf4(path: Path, account: Account) -> Iterator[FrameBatch]:
+    """The frames of a bus logging; channels as the file numbers them. Raises ImportError where asammdf is missing."""
     import asammdf  # type: ignore[import-not-found,unused-ignore]  # nobody else needs it
 
     account.note(f"it was read by asammdf {asammdf.__version__}, which does not say what it leaves out")
     reader = _mf4(path)
     try:
-        yield from _grouped(_with_ids(reader), account)
+        yield from batches(checked(_with_ids(reader), account))
     finally:
         reader.stop()
 
@@ -66,29 +65,18 @@ def _with_ids(reader: can.MF4Reader) -> Iterator[can.Message]:
         yield message
 
 
-def _grouped(messages: Iterator[can.Message], account: Account) -> Iterator[list[can.Message]]:
-    group: list[can.Message] = []
-    try:
-        for message in messages:
-            check(message)
-            account.errors += message.is_error_frame
-            account.remote += message.is_remote_frame
-            group.append(message)
-            if len(group) == GROUP:
-                yield group
-                group = []
-    except Exception:  # what was read before is given; the caller says the rest
-        yield group
-        raise
-    yield group
-
-
-def check(message: can.Message) -> None:
-    """Raises ValueError for what no reader should have taken: SQLite and MCAP hold numbers that are no time, or no id."""
-    if not (isinstance(message.timestamp, int | float) and abs(message.timestamp) < END_OF_TIME):
-        raise ValueError(f"the next message's time is {message.timestamp!r}")
-    if not isinstance(message.arbitration_id, int):
-        raise ValueError(f"the next message's id is {message.arbitration_id!r}")
+def checked(messages: Iterator[can.Message], account: Account) -> Iterator[can.Message]:
+    """The same. Raises ValueError for what no reader should have taken: SQLite and MCAP hold numbers that are no time, or no id."""
+    for message in messages:
+        if not (isinstance(message.timestamp, int | float) and abs(message.timestamp) < END_OF_TIME):
+            raise ValueError(f"the next message's time is {message.timestamp!r}")
+        if not (isinstance(message.arbitration_id, int) and 0 <= message.arbitration_id < 1 << 32):
+            raise ValueError(f"the next message's id is {message.arbitration_id!r}")
+        if not (isinstance(message.dlc, int) and 0 <= message.dlc < 256 and len(message.data) < 256):
+            raise ValueError(f"the next message's length is {message.dlc!r}")
+        account.errors += message.is_error_frame
+        account.remote += message.is_remote_frame
+        yield message
 
 
 def _check_database(path: Path) -> None:

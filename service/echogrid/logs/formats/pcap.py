@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.can.frames import Frame, FrameBatch, batches
 from echogrid.logs.formats.account import Account
-from echogrid.logs.formats.frame import Frame
 from echogrid.logs.formats.stream import Stream, Window
 from echogrid.logs.formats.times import END_OF_TIME
 
@@ -22,12 +22,11 @@ BLOCKS = {4: "names", 5: "statistics", 10: "secrets", 2: "packets of an old form
 MOST_BYTES = 1 << 18  # of a packet or a block
 LONGEST = 2080  # bytes of a packet, one of CAN XL
 STEP = 1 << 12  # bytes that are looked through at once where something was lost
-GROUP = 256  # frames
 YEAR = 366 * 86400.0
 
 
-def read(stream: Stream, account: Account) -> Iterator[list[Frame]]:
-    """The frames, in groups. pcapng names interfaces, or numbers them, here from 1; pcap does not say channels.
+def read(stream: Stream, account: Account) -> Iterator[FrameBatch]:
+    """The frames. pcapng names interfaces, or numbers them, here from 1; pcap does not say channels.
 
     Raises ValueError where the file begins otherwise, or has no SocketCAN at all.
     """
@@ -39,13 +38,7 @@ def read(stream: Stream, account: Account) -> Iterator[list[Frame]]:
         frames = _Blocks(window, account).frames()
     else:
         raise ValueError("it is no capture: it begins otherwise")
-    group: list[Frame] = []
-    for frame in frames:
-        group.append(frame)
-        if len(group) == GROUP:
-            yield group
-            group = []
-    yield group
+    yield from batches(frames)
 
 
 def _pcap(window: Window, account: Account) -> Iterator[Frame]:

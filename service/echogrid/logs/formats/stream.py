@@ -81,8 +81,9 @@ class Stream:
         """For those who read from files: of the file's methods, read alone."""
         return cast(BinaryIO, _File(self))
 
-    def lines(self) -> Iterator[tuple[int, list[bytes]]]:
-        """Lines in groups, each with the number of its first one. Any line end, any code page; of UTF-16, only ASCII stays what it was.
+    def blocks(self) -> Iterator[tuple[int, int, bytes]]:
+        """Whole lines: the number of the first, how many, and their text. Any line end, any code page; of UTF-16, only ASCII stays what it
+        was.
 
         A line that is too long to be one is told to the account and left out; so is the lack of a last line's end.
         """
@@ -90,19 +91,19 @@ class Stream:
         for chunk in self._text():
             data = rest + chunk
             cut = max(data.rfind(b"\n"), data.rfind(b"\r", 0, len(data) - 1)) + 1
-            rest = data[cut:]
-            lines = data[:cut].splitlines()
-            if too_long and lines:
-                lines[0], too_long = b"", False
+            rest, data = data[cut:], data[:cut]
+            if too_long and data:
+                data, too_long = data[len(data.splitlines()[0]) :], False
+            count = data.count(b"\n") + data.count(b"\r") - data.count(b"\r\n")
             if len(rest) > LONGEST_LINE or too_long:
                 if not too_long:
-                    self.account.line(number + len(lines), rest)
+                    self.account.line(number + count, rest)
                 rest, too_long = b"", True
-            yield number, lines
-            number += len(lines)
+            yield number, count, data
+            number += count
         if rest:
             self.account.note("its last line has no end, it may be torn")
-            yield number, [rest]
+            yield number, 1, rest
 
     def _text(self) -> Iterator[bytes]:
         chunks = self.chunks()

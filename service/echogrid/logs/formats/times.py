@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from dataclasses import replace
 from itertools import chain
-from operator import attrgetter
 
-import can
 import numpy as np
+from numpy.typing import NDArray
 
+from echogrid.can.frames import FrameBatch
 from echogrid.logs.formats.account import Account
-from echogrid.logs.formats.frame import Frame
 
 END_OF_TIME = 2**31  # s, either way of 1970: what ROS's stamps hold
 DATED_FROM = 631_152_000  # s: no CAN recording is from before 1990
 DISORDER = 0.05  # s: writers of several buses mix frames up by some milliseconds
 LOOK = 2000  # frames that are looked at first
 LONGEST_STEP = 10.0  # s: of what is taken for steps between frames
-
-
-_TIMESTAMP = attrgetter("timestamp")
 
 
 class Times:
@@ -33,12 +30,11 @@ class Times:
         self.finest = float("inf")  # s, of the steps that are none back and not zero
         self._previous = 0.0
 
-    def add(self, messages: Sequence[Frame | can.Message]) -> None:
-        """The next frames, in the file's order."""
-        if not messages:
+    def add(self, stamps: NDArray[np.float64]) -> None:
+        """The next frames' times (N,) in s, in the file's order."""
+        if not len(stamps):
             return
-        stamps = np.fromiter(map(_TIMESTAMP, messages), np.float64, len(messages))
-        first = stamps[0]
+        first = float(stamps[0])
         steps = np.diff(stamps, prepend=self._previous if self.frames else first)
         newest = np.maximum.accumulate(np.concatenate(([self.last if self.frames else first], stamps)))
         on = np.diff(newest)
@@ -49,7 +45,7 @@ class Times:
             self.farthest_back = max(self.farthest_back, float((newest[1:] - stamps).max()))
         self.first = min(self.first if self.frames else first, float(stamps.min()))
         self.last, self._previous = float(newest[-1]), float(stamps[-1])
-        self.frames += len(messages)
+        self.frames += len(stamps)
 
     @property
     def seconds(self) -> float:
@@ -74,36 +70,37 @@ class Times:
         return said
 
 
-def settled(groups: Iterator[list[Frame]], account: Account) -> Iterator[list[Frame]]:
+def settled(batches: Iterator[FrameBatch], account: Account) -> Iterator[FrameBatch]:
     """The same frames; where a format's head cannot say what its times are and they look like steps between frames, with these added up.
 
     Steps are small and go up and down, on each bus alike; times of several clocks would not.
     """
-    first: list[list[Frame]] = []
+    first: list[FrameBatch] = []
     seen = 0
-    for group in groups:
-        first.append(group)
-        seen += len(group)
+    for batch in batches:
+        first.append(batch)
+        seen += len(batch)
         if seen >= LOOK:
             break
-    if not _are_steps([message for group in first for message in group]):
+    if not _are_steps(first):
         yield from first
-        yield from groups
+        yield from batches
         return
     account.note("its times are steps from frame to frame, they were added up")
-    total_ns = 0
-    for group in chain(first, groups):
-        for message in group:
-            total_ns += round(message.timestamp * 1e9)
-            message.timestamp = total_ns / 1e9
-        yield group
+    total_ns = np.int64(0)
+    for batch in chain(first, batches):
+        sums = np.cumsum(np.rint(batch.stamps * 1e9).astype(np.int64)) + total_ns
+        total_ns = sums[-1] if len(sums) else total_ns
+        yield replace(batch, stamps=sums / 1e9)
 
 
-def _are_steps(messages: list[Frame]) -> bool:
-    stamps: dict[str | int | None, list[float]] = {}
-    for message in messages:
-        stamps.setdefault(message.channel, []).append(message.timestamp)
-    if sum(map(len, stamps.values())) < 8 or max(message.timestamp for message in messages) > LONGEST_STEP:
+def _are_steps(batches: list[FrameBatch]) -> bool:
+    stamps: dict[str | int | None, list[NDArray[np.float64]]] = {}
+    for batch in batches:
+        for number in np.unique(batch.channels).tolist():
+            stamps.setdefault(batch.channel(number), []).append(batch.stamps[batch.channels == number])
+    channels = [np.concatenate(parts) for parts in stamps.values()]
+    count = sum(map(len, channels))
+    if count < 8 or max(float(of_one.max()) for of_one in channels) > LONGEST_STEP:
         return False
-    back = sum(int((np.diff(of_one) < 0).sum()) for of_one in stamps.values())
-    return back > 0.1 * len(messages)
+    return sum(int((np.diff(of_one) < 0).sum()) for of_one in channels) > 0.1 * count

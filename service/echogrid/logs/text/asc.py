@@ -7,16 +7,20 @@ from binascii import unhexlify
 from collections.abc import Iterator
 from functools import partial
 
+import numpy as np
 from can.util import dlc2len
 
+from echogrid.can.frames import Frame, FrameBatch, error_frame
+from echogrid.core.kernels.dispatch import loops
 from echogrid.logs.formats.account import Account
-from echogrid.logs.formats.frame import Frame, error_frame
 from echogrid.logs.formats.stream import Stream
 from echogrid.logs.formats.times import END_OF_TIME
-from echogrid.logs.text.asc_plain import EDL, EXTENDED, REMOTE, plain
-from echogrid.logs.text.by_shape import Parser
 from echogrid.logs.text.dates import seconds_of
+from echogrid.logs.text.lines import Columns, read_lines
 
+EDL, REMOTE = 0x1000, 0x10  # among the flags of a CANFD line
+EXTENDED, STANDARD = 0x1FFFFFFF, 0x7FF
+LATEST_NS = END_OF_TIME * 1_000_000_000
 _TIME, _ID = rb"\s*(\d{1,10}[.,]\d{1,9})\s+", rb"([0-9A-F]{1,10})(x?)\s+"
 _CLASSIC = re.compile(_TIME + rb"(\d{1,3})\s+" + _ID + rb"(Rx|Tx)\s+([dr])(?:\s+([0-9A-F]{1,2}))?(?:\s+(.*))?", re.IGNORECASE)
 _FD = re.compile(
@@ -24,7 +28,6 @@ _FD = re.compile(
     re.IGNORECASE,
 )
 _EVENT = re.compile(rb"\s*(-?\d{1,10}[.,]\d{1,9})\s+(.*)")
-_TIMED, _SAYS_WHEN = re.compile(rb"\s*\d"), re.compile(rb"\s*(base|date|begin)\b", re.IGNORECASE)
 _ON_CHANNEL = re.compile(rb"(?:CANFD\s+)?(\d{1,3})\s+(?:(Rx|Tx)\s+)?(.*)", re.IGNORECASE)
 _REQUEST = re.compile(rb"\S+\s+TxRq\b.*|TxRq\b.*", re.IGNORECASE)
 _HEAD = re.compile(rb"base\s+(hex|dec)(?:\s+timestamps\s+(absolute|relative))?", re.IGNORECASE)
@@ -44,12 +47,10 @@ BUSES = (  # how events of other buses begin
 )
 
 
-def read(stream: Stream, account: Account) -> Iterator[list[Frame]]:
-    """The frames, in groups; channels as the file numbers them, from 1. Relative times count from the line before, whatever it is."""
+def read(stream: Stream, account: Account) -> Iterator[FrameBatch]:
+    """The frames; channels as the file numbers them, from 1. Relative times count from the line before, whatever it is."""
     head = _Head(account)
-    parser = Parser(lambda shape: plain(shape, head.origin), partial(_any, head=head), _TIMED, _SAYS_WHEN, lambda: head.plain, head.newest)
-    for first, lines in stream.lines():
-        yield parser.frames(first, lines)
+    yield from read_lines(stream, account, head.take, partial(_any, head=head))
 
 
 def _any(line: bytes, number: int, head: _Head) -> Frame | None:
@@ -70,18 +71,18 @@ class _Head:
         self.date: float | None = None  # of the head, s since 1970
         self.origin = 0.0  # s since 1970 of the file's time 0
         self._block: float | None = None  # date of a trigger block of which no line was seen yet
-        self.seen = ""  # the newest time that was taken as it stands
-        self._raw = -1  # ns, of the newest other line
-        self._total_ns = 0
+        self._newest_ns = -1  # of the newest line
+        self._total_ns = 0  # of relative times
 
-    @property
-    def plain(self) -> bool:
-        """Whether times can be taken as they stand, and digits are hexadecimal."""
-        return not self.relative and self._block is None and self.base == 16
-
-    def newest(self, frame: Frame) -> None:
-        """Of those whose times were taken as they stand."""
-        self.seen = f"{frame.timestamp - self.origin:.9f}"
+    def take(self, columns: Columns, text: bytes) -> None:
+        """Lines of hexadecimal data frames, unless the next one says where a block begins."""
+        if self._block is not None or self.base != 16 or self._total_ns >= LATEST_NS:
+            return
+        clock, frames = np.array([self._total_ns], np.int64), int(columns.place[1])
+        loops.asc_lines(*columns.arguments(text), clock, self.relative, self.origin)
+        if columns.place[1] > frames:
+            self._newest_ns = int(clock[0])
+            self._total_ns = self._newest_ns if self.relative else self._total_ns
 
     def stamp(self, text: bytes) -> float:
         """A line's time in seconds. Raises ValueError where it cannot be one."""
@@ -92,7 +93,7 @@ class _Head:
         if self._block is not None:
             self._place(self._block, raw / 1e9)
             self._block = None
-        self._raw, self.seen = raw, ""
+        self._newest_ns = raw
         stamp = raw / 1e9 + self.origin
         if stamp >= END_OF_TIME:
             raise ValueError("no time")
@@ -104,7 +105,7 @@ class _Head:
         fits = self.date is not None and abs(self.date + at - block) < 2.0 and at >= 1.0
         if fits and self.date is not None:
             self.origin = self.date
-        elif at <= (float(self.seen) if self.seen else self._raw / 1e9) or (not self.seen and self._raw < 0):
+        elif at <= self._newest_ns / 1e9 or self._newest_ns < 0:
             self.origin = block
 
     def dated(self, line: bytes) -> bool:
@@ -182,7 +183,7 @@ def _fd(line: bytes, head: _Head) -> Frame | None:
 
 def _id(identifier: bytes, extended: bytes, base: int) -> int:
     code = int(identifier, base)
-    if code > (EXTENDED if extended else 0x7FF):
+    if code > (EXTENDED if extended else STANDARD):
         raise ValueError("no id")
     return code
 

@@ -7,20 +7,15 @@ from binascii import unhexlify
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from functools import partial
-from itertools import repeat
 
-import numpy as np
-
+from echogrid.can.frames import Frame, FrameBatch
+from echogrid.core.kernels.dispatch import loops
 from echogrid.logs.formats.account import Account
-from echogrid.logs.formats.frame import Frame
 from echogrid.logs.formats.stream import Stream
 from echogrid.logs.formats.times import END_OF_TIME
-from echogrid.logs.text.by_shape import Parser
-from echogrid.logs.text.shapes import Shape
+from echogrid.logs.text.lines import Columns, read_lines
 
 ERROR, EXTENDED = 0x20000000, 0x1FFFFFFF
-MARK = ord("#")
-_BEGINS = re.compile(rb"\s*\(")
 _TIME = rb"\s*\(\s*([\d.: -]{3,40})\)\s+"
 _ODD_FRAME = re.compile(  # what one writes less often: dots between bytes, remote frames, the length code of more than 8 bytes, a date
     _TIME + rb"(\S{1,64})\s+([0-9A-Fa-f]{3,8})#(#[0-9A-Fa-f])?(?:([Rr])([0-8]?)|([0-9A-Fa-f.]*))(?:_[9A-Fa-f])?(?:\s+([RrTt]))?\s*"
@@ -33,49 +28,13 @@ _XL = re.compile(_TIME + rb"\S+\s+[0-9A-Fa-f]{3,8}#[0-9A-Fa-f]{2}:[0-9A-Fa-f]{2}
 _DATED = re.compile(r"(\d{4}-\d{2}-\d{2} \d{2}:\d{2}:\d{2})\.(\d{1,9})")
 
 
-def read(stream: Stream, account: Account) -> Iterator[list[Frame]]:
-    """The frames, in groups. An id of more than three digits has 29 bits."""
-    parser = Parser(_plain, partial(_other, account=account), _BEGINS, marks=b" #")
-    for first, lines in stream.lines():
-        yield parser.frames(first, lines)
+def read(stream: Stream, account: Account) -> Iterator[FrameBatch]:
+    """The frames. An id of more than three digits has 29 bits."""
+    yield from read_lines(stream, account, _plain, partial(_other, account=account))
 
 
-def _plain(shape: Shape) -> Iterator[Frame]:
-    """(time) channel id#data, or id##flags data, and perhaps R or T. Raises ValueError, IndexError for what is written less often."""
-    begin, end = shape.words[2]
-    mark = shape.letters[0].tobytes().find(b"#", begin, end)
-    flexible = bool(shape.letters[0, mark + 1 : mark + 2] == MARK)
-    at = mark + 1 + 2 * flexible
-    size, odd = divmod(end - at, 2)
-    if mark < 0 or odd or not 0 <= size <= (64 if flexible else 8) or len(shape.words) > 4:
-        raise ValueError("no plain frame")
-    opening, closing = shape.words[0]
-    if (shape.letters[:, opening] != ord("(")).any() or (shape.letters[:, closing - 1] != ord(")")).any():
-        raise ValueError("no time")
-    digits = mark - begin
-    columns = shape._replace(words=[(opening + 1, closing - 1), (begin, mark), (mark + 2, mark + 3)])
-    stamps, codes = columns.decimals(0), columns.digits(1, 16)
-    if not 3 <= digits <= 8 or codes.max() > EXTENDED or stamps.max() >= END_OF_TIME:
-        raise ValueError("an error frame, or no frame")
-    data = shape.bytes_at(at, size, 2) if size else [b""] * len(stamps)
-    flags = columns.digits(2, 16) if flexible else np.zeros(len(stamps), np.int64)
-    received = shape.is_letter(3, "R", "T").tolist() if len(shape.words) == 4 else repeat(True)
-    no: Iterator[bool] = repeat(False)
-    bits = ((flags & bit != 0).tolist() for bit in (1, 2))
-    return map(
-        Frame,
-        stamps.tolist(),
-        codes.tolist(),
-        repeat(digits > 3),
-        no,
-        no,
-        shape.texts(1),
-        repeat(size),
-        data,
-        repeat(flexible),
-        received,
-        *bits,
-    )
+def _plain(columns: Columns, text: bytes) -> None:
+    loops.candump_lines(*columns.arguments(text), columns.name_rows())
 
 
 def _other(line: bytes, number: int, *, account: Account) -> Frame | None:

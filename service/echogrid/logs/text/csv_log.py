@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import re
 from base64 import b64decode
-from binascii import a2b_base64, unhexlify
+from binascii import unhexlify
 from collections.abc import Callable, Iterator
-from itertools import repeat, starmap
 
 from can.util import dlc2len
 
+from echogrid.can.frames import Frame, FrameBatch
+from echogrid.core.kernels.dispatch import loops
 from echogrid.logs.formats.account import Account
-from echogrid.logs.formats.frame import Frame
 from echogrid.logs.formats.stream import Stream
 from echogrid.logs.formats.times import END_OF_TIME
+from echogrid.logs.text.lines import Columns, read_lines
 
 EXTENDED = 0x1FFFFFFF
-LENGTHS = {str(length): (length, dlc2len(length)) for length in range(65)}  # what may stand under dlc: bytes, or CAN FD's code for them
 _PYTHON_CAN = re.compile(
     rb"\s*(\d{1,10}(?:\.\d{1,12})?(?:e[+-]?\d{1,2})?),(0x[0-9a-f]{1,8}|[0-9a-f]{1,8}),([01]),([01]),([01]),(\d{1,2}),([A-Za-z0-9+/=]*)\s*",
     re.IGNORECASE,
@@ -28,55 +28,39 @@ _GVRET = re.compile(
 Parse = Callable[[bytes, Account], Frame | None]
 
 
-def read(stream: Stream, account: Account) -> Iterator[list[Frame]]:
-    """The frames, in groups. Raises ValueError where the first line is of neither format."""
-    parse: Parse | None = None
-    codes: dict[str, int] = {}
-    for first, lines in stream.lines():
-        if parse is _python_can and (plain := _plain(lines, codes)) is not None:
-            yield plain
-            continue
-        frames = []
-        for number, line in enumerate(lines, first):
-            if not line.strip():
-                continue
-            if parse is None:
-                parse, is_head = _format(line)
-                if is_head:
-                    continue
-            try:
-                frame = parse(line, account)
-            except ValueError:
-                frame = None
-            if frame is None:
-                account.line(number, line)
-            else:
-                frames.append(frame)
-        yield frames
+def read(stream: Stream, account: Account) -> Iterator[FrameBatch]:
+    """The frames. Raises ValueError where the first line is of neither format."""
+    table = _Table(account)
+    yield from read_lines(stream, account, table.take, table.read)
 
 
-def _plain(lines: list[bytes], codes: dict[str, int]) -> list[Frame] | None:
-    """The frames of python-can's lines that are all data frames, column by column; None where one is not."""
-    words = b",".join(lines).decode("latin-1").split(",")
-    if len(words) != 7 * len(lines) or set(words[3::7]) | set(words[4::7]) != {"0"} or not {"0", "1"}.issuperset(words[2::7]):
-        return None
-    for digits in set(words[1::7]) - codes.keys():
-        if not re.fullmatch("(0x)?[0-9a-fA-F]{1,8}", digits) or int(digits, 16) > EXTENDED:
+class _Table:
+    """Remembers which of the formats it is."""
+
+    def __init__(self, account: Account) -> None:
+        self.account = account
+        self._parse: Parse | None = None
+
+    def take(self, columns: Columns, text: bytes) -> None:
+        """Lines of data frames, once the format is known."""
+        if self._parse is _python_can:
+            loops.csv_lines(*columns.arguments(text))
+
+    def read(self, line: bytes, number: int) -> Frame | None:
+        """A line's frame. Raises ValueError where the first one is of neither format."""
+        if not line.strip():
             return None
-        codes[digits] = int(digits, 16)
-    try:
-        stamps = list(map(float, words[0::7]))
-        payloads = [a2b_base64(word, strict_mode=True) if word else b"" for word in words[6::7]]
-        sizes = list(map(LENGTHS.__getitem__, words[5::7]))
-    except (ValueError, KeyError):
-        return None
-    lengths = list(map(len, payloads))
-    if any(length not in size for length, size in zip(lengths, sizes, strict=True)) or not 0 <= min(stamps) <= max(stamps) < END_OF_TIME:
-        return None
-    wide = [word == "1" for word in words[2::7]]
-    no = repeat(False)
-    columns = (stamps, map(codes.__getitem__, words[1::7]), wide, no, no, repeat(None), lengths, payloads)
-    return list(starmap(Frame, zip(*columns)))  # noqa: B905  # some columns have no end
+        if self._parse is None:
+            self._parse, is_head = _format(line)
+            if is_head:
+                return None
+        try:
+            frame = self._parse(line, self.account)
+        except ValueError:
+            frame = None
+        if frame is None:
+            self.account.line(number, line)
+        return frame
 
 
 def _format(line: bytes) -> tuple[Parse, bool]:

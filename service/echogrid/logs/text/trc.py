@@ -7,29 +7,30 @@ from binascii import unhexlify
 from collections.abc import Iterator
 from functools import partial
 
+import numpy as np
+from can.util import dlc2len
+
+from echogrid.can.frames import Frame, FrameBatch, error_frame
+from echogrid.core.kernels.dispatch import loops
 from echogrid.logs.formats.account import Account
-from echogrid.logs.formats.frame import Frame, error_frame
 from echogrid.logs.formats.stream import Stream
 from echogrid.logs.formats.times import END_OF_TIME
-from echogrid.logs.text.by_shape import Parser
 from echogrid.logs.text.dates import seconds_of, seconds_of_days
-from echogrid.logs.text.trc_plain import FD, length_of, plain
+from echogrid.logs.text.lines import Columns, read_lines
 
+FD = {"FD": (False, False), "FB": (True, False), "FE": (True, True), "BI": (False, True)}  # bit rate switch, error state
+EXTENDED, STANDARD = 0x1FFFFFFF, 0x7FF
+MOST_BYTES, MOST_CLASSIC = 64, 8
 COLUMNS = {"1.0": "NOILD", "1.1": "NOdILD", "1.2": "NOBdILD", "1.3": "NOBdIRLD", "2.0": "NOTIdlD", "2.1": "NOTBIdRLD"}
 NO_FRAMES = {"ST": "states of the controller", "EC": "error counters", "EV": "events", "WARNG": "states of the controller"}
 _OFFSET = re.compile(r"\d{1,13}(?:[.,]\d{1,6})?")
-_HEAD, _NO_HEAD = re.compile(rb"\s*;"), re.compile(rb"\s*\d")
 _SAID = re.compile(r";\s*\$?(FILEVERSION|STARTTIME|COLUMNS|Start time)\s*[=:](.*)", re.IGNORECASE)
 
 
-def read(stream: Stream, account: Account) -> Iterator[list[Frame]]:
-    """The frames, in groups; channels as the file numbers them, from 1, or None where it has no column for them."""
+def read(stream: Stream, account: Account) -> Iterator[FrameBatch]:
+    """The frames; channels as the file numbers them, from 1, or None where it has no column for them."""
     head = _Head(account)
-    parser = Parser(
-        lambda shape: plain(shape, head.columns, head.start), partial(_any, head=head), _NO_HEAD, _HEAD, lambda: head.columns != {}
-    )
-    for first, lines in stream.lines():
-        yield parser.frames(first, lines)
+    yield from read_lines(stream, account, head.take, partial(_any, head=head))
 
 
 def _any(line: bytes, number: int, *, head: _Head) -> Frame | None:
@@ -53,6 +54,11 @@ class _Head:
         self.columns: dict[str, int] = {}
         self.start = 0.0
         self._exact = False
+        self._letters = np.empty(0, np.uint8)  # of the columns, where data is the last one
+
+    def take(self, columns: Columns, text: bytes) -> None:
+        """Lines of data frames, once the columns are known."""
+        loops.trc_lines(*columns.arguments(text), self._letters, self.start)
 
     def add(self, text: str) -> None:
         """A line that begins with a semicolon."""
@@ -84,6 +90,9 @@ class _Head:
     def _name(self, letters: str) -> None:
         if letters:
             self.columns = {letter: position for position, letter in enumerate(letters)}
+            known = letters.isascii() and set("OID") <= set(letters) and len(self.columns) == len(letters) and letters.endswith("D")
+            one_length = ("l" in letters) != ("L" in letters)
+            self._letters = np.frombuffer(letters.encode() if known and one_length else b"", np.uint8)
 
 
 def _frame(text: str, head: _Head) -> Frame | None:
@@ -113,7 +122,7 @@ def _frame(text: str, head: _Head) -> Frame | None:
     if "d" in at and words[at["d"]].upper() not in ("RX", "TX"):
         raise ValueError("neither received nor sent")
     code, extended = int(identifier, 16), len(identifier) > 4
-    if code > (0x1FFFFFFF if extended else 0x7FF):
+    if code > (EXTENDED if extended else STANDARD):
         raise ValueError("no id")
     payload = words[at["D"]] if len(words) > at["D"] else ""
     remote = kind == "RR" or payload.upper() == "RTR"
@@ -139,7 +148,12 @@ def _frame(text: str, head: _Head) -> Frame | None:
 
 
 def _length(words: list[str], at: dict[str, int], fd: bool) -> int:
-    return length_of(int(words[at["l" if "l" in at else "L"]]), "l" in at, fd)
+    """Bytes: column `l` counts them, `L` has the code for them, which is the same up to 8. Raises ValueError."""
+    written = int(words[at["l" if "l" in at else "L"]])
+    length = written if "l" in at else dlc2len(written)
+    if written < 0 or length > MOST_BYTES:
+        raise ValueError("no length")
+    return length if fd else min(length, MOST_CLASSIC)
 
 
 def _error(stamp: float, words: list[str], head: _Head) -> Frame:
