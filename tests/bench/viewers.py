@@ -2,7 +2,7 @@
 
 Stretches without viewers and with ten take turns, and at the end a page in a headless Chromium, where one is at hand, shows the same.
 
-python -m tests.bench.viewers listen ENDPOINT   is another subscriber: at its input's end it prints when each map came and how old it was (ns)
+python -m tests.bench.viewers listen ENDPOINT   is another subscriber: at its end it prints when each map came and how old it was (ns)
 python -m tests.bench.viewers look PORT COUNT   are COUNT viewers: they say when all are there, and at the end how many maps each was told
 python -m tests.bench.viewers page PORT SECONDS is a page: it says when it shows the map, and at the end its pictures and maps a second
 """

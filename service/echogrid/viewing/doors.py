@@ -41,7 +41,7 @@ class Door:
             return "the request names no host"
         if self.local and name not in (*LOCAL_NAMES, self.host):
             return f"this page is for this machine alone, and the request is for the host '{name[:80]}'"
-        if origin is not None and urlsplit(origin).netloc != host:
+        if origin is not None and _address(origin) != host:
             return f"the request comes from a page of '{origin[:80]}', expected one from here"
         return None
 
@@ -99,6 +99,13 @@ def _tls(certificate: tuple[Path, Path] | None) -> ssl.SSLContext | None:
     except (OSError, ValueError) as error:
         raise EchogridError(f"--certificate: {certificate[1]} is not an unencrypted PEM key of the certificate {certificate[0]}") from error
     return context
+
+
+def _address(origin: str) -> str | None:
+    try:
+        return urlsplit(origin).netloc
+    except ValueError:
+        return None
 
 
 def _name(host: str | None) -> str | None:
