@@ -26,6 +26,7 @@ def main(folder: str) -> None:
         update = pipeline.add(bus_of(message, config.bus) or "", message)
         if update is not None:
             way.append((update.ego.odom_from_base.x, update.ego.odom_from_base.y))
+    pipeline.mapper.end_cycle()  # the last one, which no further message ends
     row, column, log_odds = pipeline.mapper.map.whole()  # (H, W) rows along y, columns along x; 0 where never seen
     cell = config.grid.cell
     x, y = column * cell, row * cell  # m in odom, of the corner of cell [0, 0]
