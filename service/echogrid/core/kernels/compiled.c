@@ -845,6 +845,12 @@ KERNEL(fold) {
     return done(&given);
 }
 
+/* x within the two; the lower one for what is no number. */
+static inline float within(float x, float least, float most) {
+    float above = x > least ? x : least;
+    return above < most ? above : most;
+}
+
 /* exp(x) for |x| <= 87: 2^k exp(r), r within half of ln 2, by the reference's sums and products. */
 static inline float exponential(float x) {
     int32_t k = (int32_t)(x * 1.44269502f + copysignf(0.5f, x)), bits = (k + 127) * (1 << 23);
@@ -861,15 +867,18 @@ static inline float exponential(float x) {
 }
 
 WIDE static void odds_row(const float *vacant, const float *unknown, const float *occupied, Py_ssize_t width, float *odds, float *share) {
-    for (Py_ssize_t j = 0; j < width; j++) {
-        float difference = occupied[j] - vacant[j], less = difference < 0 ? difference : -difference;
-        float rest = unknown[j] - (difference > 0 ? occupied[j] : vacant[j]);
-        less = less < -60 ? -60 : less;
-        rest = rest < -60 ? -60 : rest;
-        rest = rest > 60 ? 60 : rest;
-        float known = 1 + exponential(less);
-        odds[j] = difference;
-        share[j] = known / (known + exponential(rest));
+    float less[BLOCK], rest[BLOCK];
+    for (Py_ssize_t from = 0; from < width; from += BLOCK) {
+        Py_ssize_t some = width - from < BLOCK ? width - from : BLOCK;
+        for (Py_ssize_t n = 0; n < some; n++) {
+            Py_ssize_t j = from + n;
+            float difference = occupied[j] - vacant[j], size = -fabsf(difference);
+            odds[j] = difference;
+            less[n] = size < -60 ? -60 : size;
+            rest[n] = within(unknown[j] - (difference > 0 ? occupied[j] : vacant[j]), -60, 60);
+        }
+        for (Py_ssize_t n = 0; n < some; n++) less[n] = 1 + exponential(less[n]);
+        for (Py_ssize_t n = 0; n < some; n++) share[from + n] = less[n] / (less[n] + exponential(rest[n]));
     }
 }
 
@@ -895,12 +904,6 @@ KERNEL(odds) {
     }
     free(odds);
     return done(&given);
-}
-
-/* x within the two; the lower one for what is no number. */
-static inline float within(float x, float least, float most) {
-    float above = x > least ? x : least;
-    return above < most ? above : most;
 }
 
 /* ln x for x within 1e-30 … 1e30: 2^k m, m within a factor of the root of 2 of 1, by the reference's sums and products. */
