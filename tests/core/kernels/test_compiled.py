@@ -181,10 +181,14 @@ def beside(random: Random, size: int) -> list[Any]:
     return [points(random, size, 9, 1.0), random.random(size) < 0.3, 2.0, np.ones(size, np.bool_)]
 
 
-def agreeing(random: Random, size: int) -> list[Any]:
-    interval = random.choice([0.0, 16.0], size)
-    slope, rate, motions = random.normal(size=(size, 2)), random.normal(0, 9, size).round(1), random.normal(0, 9, (12, 2)).round(1)
-    return [slope, rate, interval, motions, 0.4, np.ones(12, np.int64)]
+def common_motion(random: Random, size: int) -> list[Any]:
+    """Most rates fit one motion; now and then all are in one direction, where no guess can be made."""
+    sizes, bearing = np.array((size // 3, size - size // 3)), random.uniform(-3, 3, size) * random.choice([0.0, 1.0])
+    places = np.array(((3.6, 0.8, random.choice([0.0, 16.0])), (-0.8, -0.8, 0.0)))
+    x, y, _ = np.repeat(places, sizes, axis=0).T
+    rate = (y * np.cos(bearing) - x * np.sin(bearing)) * 0.2 - np.cos(bearing) * 7 + random.normal(0, 3, size) * (random.random(size) < 0.4)
+    pairs = random.integers(0, max(size, 1), (2, 12 if size else 0))
+    return [np.cos(bearing), np.sin(bearing), rate, sizes, places, *pairs, 0.3, 0.4, np.ones(3), np.ones(size, np.bool_)]
 
 
 def signals(random: Random, size: int) -> list[Any]:
@@ -219,7 +223,7 @@ CASES: dict[str, Callable[[Random, int], list[Any]]] = {
     case.__name__: case
     for case in (
         *(moved, draw_now, draw_past, draw_passes, draw_looks, bilinear, nearest, note_view, add_look, add_clamped, elfes, look),
-        *(add_measured, usual, fold, odds, beside, agreeing, signals, quantities, read_out, percent),
+        *(add_measured, usual, fold, odds, beside, common_motion, signals, quantities, read_out, percent),
     )
 }
 

@@ -1062,17 +1062,70 @@ static inline double left_of(double rate, const double *slope, double interval, 
     return interval > 0 ? left - interval * rint(left / interval) : left;
 }
 
-KERNEL(agreeing) {
-    TAKE("d2d1d1d2xl1!");
-    Py_ssize_t size = LENGTH(0, 0), guesses = LENGTH(3, 0);
-    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(3, 1) == 2 && LENGTH(4, 0) == guesses)) return NULL;
-    const double *rate = ARRAY(1)->buf, *interval = ARRAY(2)->buf;
-    for (Py_ssize_t m = 0; m < guesses; m++) {
-        const double *guess = ROW(double, 3, m);
-        int64_t count = 0;
-        for (Py_ssize_t n = 0; n < size; n++) count += fabs(left_of(rate[n], ROW(double, 0, n), interval[n], guess[0], guess[1])) < given.number[0];
-        ((int64_t *)ARRAY(4)->buf)[m] = count;
+KERNEL(common_motion) {
+    TAKE("d1d1d1l1d2l1l1xxd1!B1!");
+    Py_ssize_t size = LENGTH(0, 0), scans = LENGTH(3, 0), pairs = LENGTH(5, 0);
+    const int64_t *sizes = ARRAY(3)->buf, *one = ARRAY(5)->buf, *other = ARRAY(6)->buf;
+    int64_t sum = 0;
+    int fits = LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(4, 0) == scans && LENGTH(4, 1) == 3 && LENGTH(6, 0) == pairs &&
+               LENGTH(7, 0) == 3 && LENGTH(8, 0) == size;
+    for (Py_ssize_t s = 0; fits && s < scans; s++) {
+        fits = sizes[s] >= 0 && sizes[s] <= size - sum;
+        sum += sizes[s];
     }
+    for (Py_ssize_t g = 0; fits && g < pairs; g++) fits = one[g] >= 0 && one[g] < size && other[g] >= 0 && other[g] < size;
+    if (!sized(&given, fits && sum == size)) return NULL;
+    const double *cos = ARRAY(0)->buf, *sin = ARRAY(1)->buf, *rate = ARRAY(2)->buf;
+    double apart = given.number[0], tolerance = given.number[1], *out = ARRAY(7)->buf, *slope = malloc((3 * size + 1) * sizeof *slope);
+    uint8_t *explained = ARRAY(8)->buf;
+    if (slope == NULL) {
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    double *interval = slope + 2 * size;
+    for (Py_ssize_t s = 0, n = 0; s < scans; s++) {
+        const double *place = ROW(double, 4, s);
+        for (int64_t k = 0; k < sizes[s]; k++, n++) {
+            slope[2 * n] = -cos[n];
+            slope[2 * n + 1] = place[1] * cos[n] - place[0] * sin[n];
+            interval[n] = place[2];
+        }
+    }
+    int64_t most = -1;
+    double speed = 0, yaw_rate = 0;
+    for (Py_ssize_t g = 0; g < pairs; g++) {
+        const double *ab = slope + 2 * one[g], *cd = slope + 2 * other[g], p = rate[one[g]], q = rate[other[g]];
+        double determinant = ab[0] * cd[1] - ab[1] * cd[0];
+        if (!(fabs(determinant) > apart)) continue;
+        double guess = (p * cd[1] - ab[1] * q) / determinant, turn = (ab[0] * q - p * cd[0]) / determinant;
+        int64_t count = 0;
+        for (Py_ssize_t n = 0; n < size; n++) count += fabs(left_of(rate[n], slope + 2 * n, interval[n], guess, turn)) < tolerance;
+        if (count > most) {
+            most = count;
+            speed = guess;
+            yaw_rate = turn;
+        }
+    }
+    out[2] = most >= 0;
+    double xx = 0, xy = 0, yy = 0, xr = 0, yr = 0;
+    for (Py_ssize_t n = 0; most >= 0 && n < size; n++) {
+        double x = slope[2 * n], y = slope[2 * n + 1], left = left_of(rate[n], slope + 2 * n, interval[n], speed, yaw_rate);
+        if (!(fabs(left) < tolerance)) continue;
+        xx += x * x;
+        xy += x * y;
+        yy += y * y;
+        xr += x * left;
+        yr += y * left;
+    }
+    if (most >= 0) {
+        speed += (xr * yy - xy * yr) / (xx * yy - xy * xy);
+        yaw_rate += (xx * yr - xr * xy) / (xx * yy - xy * xy);
+    }
+    out[0] = speed;
+    out[1] = yaw_rate;
+    for (Py_ssize_t n = 0; n < size; n++)
+        explained[n] = most >= 0 && fabs(left_of(rate[n], slope + 2 * n, interval[n], speed, yaw_rate)) < tolerance;
+    free(slope);
     return done(&given);
 }
 
@@ -1082,7 +1135,7 @@ KERNEL(agreeing) {
 static PyMethodDef methods[] = {
     ENTRY(moved),     ENTRY(draw_now),  ENTRY(draw_past), ENTRY(draw_passes), ENTRY(draw_looks),   ENTRY(bilinear), ENTRY(nearest),
     ENTRY(note_view), ENTRY(add_look),  ENTRY(add_clamped), ENTRY(elfes),     ENTRY(look),         ENTRY(add_measured), ENTRY(usual),
-    ENTRY(signals),   ENTRY(quantities), ENTRY(fold), ENTRY(odds), ENTRY(beside), ENTRY(agreeing),
+    ENTRY(signals),   ENTRY(quantities), ENTRY(fold), ENTRY(odds), ENTRY(beside), ENTRY(common_motion),
     ENTRY(read_out),  ENTRY(percent),
     ENTRY(candump_lines), ENTRY(asc_lines), ENTRY(trc_lines), ENTRY(csv_lines), ENTRY(blf_objects),
     {NULL, NULL, 0, NULL},

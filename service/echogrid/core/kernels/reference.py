@@ -32,6 +32,7 @@ from echogrid.core.kernels.cells import (
 )
 from echogrid.core.kernels.frames import quantities as quantities
 from echogrid.core.kernels.frames import signals as signals
+from echogrid.core.kernels.guessing import common_motion as common_motion
 from echogrid.core.kernels.lines import asc_lines as asc_lines
 from echogrid.core.kernels.lines import blf_objects as blf_objects
 from echogrid.core.kernels.lines import candump_lines as candump_lines
@@ -313,12 +314,3 @@ def beside(points: Floats, moving: Mask, radius: float, out: Mask) -> None:
     """(N,) which of the points have at least two `moving` ones less than `radius` m away."""
     away = points[:, None, :] - points[moving][None, :, :]
     out[:] = ((away * away).sum(axis=2) < radius * radius).sum(axis=1) >= 2
-
-
-def agreeing(slope: Floats, rate: Floats, interval: Floats, motions: Floats, tolerance: float, out: Integers) -> None:
-    """(M,) how many detections (N,) each motion (M, 2) explains: what speed and yaw rate by their slopes (N, 2) leave of the range rates,
-    modulo the ambiguity interval where that is not 0, is less than `tolerance` m/s."""
-    residual = rate - (motions[:, :1] * slope[:, 0] + motions[:, 1:] * slope[:, 1])  # (M, N)
-    known = np.where(interval > 0, interval, 1.0)
-    folded = np.where(interval > 0, residual - known * np.rint(residual / known), residual)
-    out[:] = (np.abs(folded) < tolerance).sum(axis=1)

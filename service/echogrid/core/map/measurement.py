@@ -116,8 +116,8 @@ class Measurement:
         )
         some = slice(int(begins[-1]))
         nothing = np.zeros(some.stop, np.bool_)
-        counted = (values[some] for values in (self._inside, self._hits, self._near, self._passes))
-        return Change(window, begins, *counted, nothing, nothing, self._radars[some])
+        hits, near, passes = self._hits[some], self._near[some], self._passes[some]
+        return Change(window, begins, self._inside[some], hits, near, passes, nothing, nothing, self._radars[some])
 
     def stand(self, beams: Beams, seconds: float) -> Change:
         """An update after those, from the same place: only what arrives and what leaves counts. `seconds` since the last."""
