@@ -146,3 +146,11 @@ def test_begun_anew_it_is_at_the_origin_and_keeps_the_bias() -> None:
     end = odometry.states[-1].odom_from_base
     assert end.x == pytest.approx(5.0, abs=0.1)
     assert end.yaw == pytest.approx(0.0, abs=5e-5)  # the prior keeps back a five-hundredth
+
+
+def test_a_creeping_car_turns_and_a_standing_one_does_not() -> None:
+    """5 cm/s are way; what wheels tremble by is not."""
+    for speed, turned in ((0.05, 0.3), (-0.05, 0.3), (0.015, 0.0), (-0.015, 0.0)):
+        odometry = Odometry()
+        _drive(odometry, 3.0, speed, 0.1)
+        assert odometry.states[-1].odom_from_base.yaw == pytest.approx(turned, abs=0.01)

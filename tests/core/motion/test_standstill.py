@@ -57,3 +57,9 @@ def test_after_a_stop_a_biased_sensor_drives_straight() -> None:
     end = odometry.states[-1].odom_from_base
     assert end.x == pytest.approx(300.0, abs=0.2)
     assert abs(end.y) < 0.1  # without: 30 s at 0.007 rad/s are 12 degrees, and 31 m to the side
+
+
+def test_each_reading_counts_once_in_its_batch() -> None:
+    """Of a rate that rises by 0.01 rad/s in a second the means say which readings they are of: 1.00 to 1.50 s, then 1.51 to 2.01 s."""
+    confirmed = feed(Standstill(), 0.0, 1e-4 * np.arange(302), standing=True)
+    np.testing.assert_allclose(confirmed, ((0.5, 0.0125), (0.5, 0.0176)), rtol=1e-9)
