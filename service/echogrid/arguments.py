@@ -7,8 +7,9 @@ import difflib
 import math
 import re
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from echogrid.config.tables import Publish
 from echogrid.recording.foxglove import LOOPBACK, PORT
@@ -18,26 +19,57 @@ EXAMPLES = {
     "run": ("run -c echogrid.toml", "run -c echogrid.toml --record /var/lib/echogrid"),
     "status": ("status", "status --watch", "status --json | jq .state"),
     "view": ("view --demo", "view", "view drives/monday", "view can.blf -c echogrid.toml", "view map.egmap"),
-    "replay": ("replay drives/monday", "replay can.blf -c echogrid.toml --out out/monday", "replay drives/monday --publish --speed 4"),
+    "replay": (
+        "replay drives/monday",
+        "replay can.blf -c echogrid.toml --out out/monday",
+        "replay drives/monday --publish --speed 4",
+        "replay drives/monday --json | jq .not_to_be_trusted",
+    ),
     "check": ("check -c echogrid.toml", "check -c echogrid.toml can.blf --fix-out mended.toml", "check -c echogrid.toml --seconds 20"),
     "init": ("init can.blf", "init can.blf --dbc radar.dbc --dbc car.dbc --out car.toml"),
+    "": ("demo", "check -c echogrid.toml drive.blf", "replay drive.blf -c echogrid.toml", "run -c echogrid.toml", "status --watch"),
     "map": ("map show map.egmap", "map export map.egmap map.yaml", "map merge all.egmap monday.egmap tuesday.egmap:12,-3,90"),
-    "demo": ("demo", "demo --model analytic --out out/analytic"),
+    "map info": ("map info map.egmap", "map info map.egmap --json | jq '.epochs[-1].area_m2'"),
+    "map show": ("map show map.egmap", "map show map.yaml --out map.png"),
+    "map export": ("map export map.egmap map.yaml --mode raw", "map export map.egmap part.png --bbox=-20,-20,80,40"),
+    "map import": ("map import map.yaml map.egmap",),
+    "map merge": ("map merge all.egmap monday.egmap tuesday.egmap@2:12,-3,90", "map merge all.egmap @list.txt"),
+    "demo": ("demo", "demo --model analytic --out out/analytic", "demo --json | jq .state"),
 }
 
 
 class Parser(argparse.ArgumentParser):
     """Says what a word that it does not know may have been meant to be, and ends each command's help with examples."""
 
+    examples: Mapping[str, Sequence[str]] = EXAMPLES  # by the command's words
+    used = False  # whether this command was typed
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        self.used = True
+        return super().parse_known_args(args, namespace)
+
     def error(self, message: str) -> NoReturn:
-        unknown = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message)
-        near = difflib.get_close_matches(unknown[1], re.findall(r"[\w.-]+", unknown[2]), n=1) if unknown else []
+        word, known = "", []
+        if unknown := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):
+            word, known = unknown[1], re.findall(r"[\w.-]+", unknown[2])
+        elif unknown := re.search(r"unrecognized arguments: (?:.* )?(--[\w-]+)", message):
+            word, known = unknown[1], sorted(self._options())
+        near = difflib.get_close_matches(word, known, n=1)
         super().error(message + (f"; did you mean '{near[0]}'?" if near else ""))
 
     def format_help(self) -> str:
         program, _, command = self.prog.partition(" ")
-        lines = [f"  {program} {example}" for example in EXAMPLES.get(command, ())]
+        lines = [f"  {program} {example}" for example in self.examples.get(command, ())]
         return super().format_help() + ("\n".join(("\nexamples:", *lines)) + "\n" if lines else "")
+
+    def _options(self) -> set[str]:
+        """Long ones, those of the command that was typed too."""
+        found: set[str] = set()
+        for action in self._actions:
+            found.update(option for option in action.option_strings if option.startswith("--"))
+            if isinstance(action, argparse._SubParsersAction):
+                found.update(*(command._options() for command in action.choices.values() if command.used))
+        return found
 
 
 class Version(argparse.Action):

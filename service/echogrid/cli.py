@@ -113,7 +113,6 @@ def _parser() -> argparse.ArgumentParser:
     check.add_argument(
         "--seconds", type=arguments.seconds, metavar="N", help="instead of a LOG: listen to the configured buses for so long"
     )
-    check.add_argument("--json", action="store_true", help="the report as one JSON object")
     check.add_argument("--fix-out", type=Path, metavar="FILE.toml", help="the mended configuration, with its profiles beside it")
     check.add_argument("--report", type=Path, metavar="FILE.html", help="one page with plots")
     check.set_defaults(command=_check)
@@ -138,6 +137,8 @@ def _parser() -> argparse.ArgumentParser:
     demo = commands.add_parser("demo", help="the shipped drive: over a CAN bus, through the service, over Zenoh, to a subscriber")
     demo.add_argument("--out", type=Path, default=Path("out/demo"))
     demo.set_defaults(command=_demo)
+    for command in (replay, check, init, demo):
+        command.add_argument("--json", action="store_true", help="what is printed as one JSON object")
     for command in (run, view, replay, demo):
         command.add_argument("--model", help="default, paper, analytic, or the path of an .onnx file; otherwise as the configuration says")
     return parser
@@ -203,7 +204,7 @@ def _replay(given: argparse.Namespace) -> None:
 
     if given.publish:
         speed, options = given.speed or 1.0, {name: getattr(given, name) for name in ("model", "record", "store", "foxglove")}
-        if not publish.command(given.drive, given.config, given.out, speed=speed, **options):
+        if not publish.command(given.drive, given.config, given.out, speed=speed, as_json=given.json, **options):
             sys.exit(3)
         return
     for option in ("speed", "foxglove"):
@@ -217,6 +218,7 @@ def _replay(given: argparse.Namespace) -> None:
         model=given.model,
         record=given.record,
         store=given.store,
+        as_json=given.json,
     ):
         sys.exit(3)
 
@@ -243,14 +245,14 @@ def _check(given: argparse.Namespace) -> None:
 def _init(given: argparse.Namespace) -> None:
     from echogrid.commands.init import command
 
-    if not command(given.log, given.dbc, given.out, force=given.force):
+    if not command(given.log, given.dbc, given.out, force=given.force, as_json=given.json):
         sys.exit(2)
 
 
 def _demo(given: argparse.Namespace) -> None:
     from echogrid.commands.demo import command
 
-    command(given.out, given.model)
+    command(given.out, given.model, as_json=given.json)
 
 
 def _map_info(given: argparse.Namespace) -> None:

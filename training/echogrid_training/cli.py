@@ -5,13 +5,16 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Iterable
+import time
+from collections.abc import Iterable, Iterator, Sized
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.progress import Progress, track
 
+from echogrid.arguments import Parser as Guessing
+from echogrid.arguments import complete
 from echogrid.errors import EchogridError
 from echogrid_training.drives import campaign, demo, inspect_drive, nuscenes, radarscenes
 from echogrid_training.drives.drive import check_free, write_drive
@@ -23,15 +26,48 @@ from echogrid_training.own import adapt
 from echogrid_training.own import evaluate as own
 from echogrid_training.paper import ablate, reproduce
 from echogrid_training.realism import report
-from echogrid_training.recording import Recording, Track, untracked
+from echogrid_training.recording import Recording, Track
 from echogrid_training.streets.style import FAMILIES
 from echogrid_training.truth.ground_truth import TruthMap
 from echogrid_training.worlds.scene import drive
 
+# What `COMMAND --help` ends with.
+EXAMPLES = {
+    "": ("simulate --family train --towns 100 --out drives", "fit --drives drives --out models", "evaluate own drives/monday"),
+    "import": ("import nuscenes scene-0061.npz --out drives/scene-0061",),
+    "import nuscenes": ("import nuscenes /data/nuscenes --scene scene-0061 --out drives/scene-0061",),
+    "import radarscenes": ("import radarscenes RadarScenes/data/sequence_105 --out drives/seq_105",),
+    "import own": ("import own can.blf -c echogrid.toml --lidar lidar.mcap --mount lidar.toml --out drives/monday",),
+    "scene": ("scene --out drives/scene",),
+    "demo": ("demo --out drives/demo",),
+    "simulate": ("simulate --family train --towns 100 --seed 1 --out drives", "simulate --osm town.osm.pbf --towns 5 --out drives"),
+    "label": ("label drives/monday",),
+    "inspect": ("inspect drives/train-00000 --out look",),
+    "fit": ("fit --drives drives --test test --out models", "fit --drives drives --small --out models"),
+    "reproduce": ("reproduce --drives drives --test test --seeds 3 --out reproduction",),
+    "evaluate": ("evaluate own drives/monday --report worth.html",),
+    "evaluate sim": ("evaluate sim --test test --calibrate others --out scores --model default=models/default.onnx",),
+    "evaluate real": ("evaluate real nuscenes scene-0061.npz --json scores.json --out pictures",),
+    "evaluate motion": ("evaluate motion drives/monday drives/tuesday",),
+    "evaluate own": ("evaluate own drives/monday drives/tuesday --report worth.html --json worth.json",),
+    "adapt": ("adapt default drives/monday drives/tuesday --out mine.onnx",),
+    "report": ("report --nuscenes scenes --radarscenes seq_105.npz --astyx astyx.npz --kitti kitti.npz",),
+}
+FIRST_S = 10.0  # until a line of progress, and between two
+
+
+class Parser(Guessing):
+    """With our own examples."""
+
+    examples = EXAMPLES
+
 
 def main(arguments: list[str] | None = None) -> int:
-    """Returns the exit status: 0, or 1 after a sentence on stderr."""
-    options = _parser().parse_args(arguments)
+    """Returns the exit status: 0, or 1 after a sentence on stderr, or 130 after Ctrl-C."""
+    parser = _parser()
+    if "_ARGCOMPLETE" in os.environ:
+        complete(parser)
+    options = parser.parse_args(arguments)
     try:
         options.command(options)
     except EchogridError as error:
@@ -40,11 +76,13 @@ def main(arguments: list[str] | None = None) -> int:
     except OSError as error:
         print(f"{error.filename}: {error.strerror}", file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        return 130
     return 0
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="echogrid-train", description=__doc__)
+    parser = Parser(prog="echogrid-train", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     importer = commands.add_parser("import", help="a recording as a drive folder: public, or your own with a lidar")
@@ -180,9 +218,16 @@ def _simulate(options: argparse.Namespace) -> None:
         options.sensors,
         options.lidar,
     )
+    what, said = f"simulating {options.towns} drives", _Said()
     with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
-        task = bar.add_task(f"simulating {options.towns} drives", total=options.towns)
-        made = campaign.run(plan, options.out, options.workers, lambda _: bar.advance(task))
+        task = bar.add_task(what, total=options.towns)
+
+        def on_done(name: str) -> None:
+            bar.advance(task)
+            if not sys.stderr.isatty():
+                said.add(f"{what}: {name} is there")
+
+        made = campaign.run(plan, options.out, options.workers, on_done)
     print(f"{options.out}: {options.towns} drives of {options.seconds:g} s, {made} of them made now")
 
 
@@ -242,11 +287,31 @@ def _report(options: argparse.Namespace) -> None:
 
 
 def _tracked() -> Track:
-    return _with_bar if sys.stderr.isatty() else untracked
+    return _with_bar if sys.stderr.isatty() else _with_lines
 
 
 def _with_bar(things: Iterable[Any], what: str) -> Iterable[Any]:
     return track(things, what, console=Console(stderr=True), transient=True)
+
+
+def _with_lines(things: Iterable[Any], what: str) -> Iterator[Any]:
+    """For a log: how many are done, now and then, of what takes long."""
+    said, of = _Said(), f" of {len(things)}" if isinstance(things, Sized) else ""
+    for number, thing in enumerate(things):
+        said.add(f"{what}: {number}{of}")
+        yield thing
+
+
+class _Said:
+    """Remembers when a line is due again."""
+
+    def __init__(self) -> None:
+        self._due = time.monotonic() + FIRST_S
+
+    def add(self, line: str) -> None:
+        if time.monotonic() >= self._due:
+            self._due = time.monotonic() + FIRST_S
+            print(line, file=sys.stderr, flush=True)
 
 
 def summary(recording: Recording, report: Report, folder: Path) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from echogrid.commands.check_report import as_document, render, said
+from echogrid.commands.check_report import as_document, configured, render, said
 from echogrid.commands.judged import check_live, check_log
 from echogrid.commands.mended import write_mended
 from echogrid.commands.terminal import progress
@@ -39,8 +39,11 @@ def command(
     except EchogridError as error:
         raise EchogridError(f"{config_path}: {error}") from error
     if log is None and seconds is None:
-        if as_json or fix_out is not None or page is not None:
-            raise EchogridError("--json, --fix-out and --report need a LOG or --seconds")
+        if fix_out is not None or page is not None:
+            raise EchogridError("--fix-out and --report need a LOG or --seconds")
+        if as_json:
+            print(json.dumps(configured(config, config_path, len(readers)), indent=2))
+            return True
         pose = config.pose
         beside = "" if pose is None else f", and a pose from {f'bus {pose.bus}' if pose.bus else f'key {pose.key}'},"
         print(f"{config_path}: {len(config.radar)} radars and ego motion{beside} on {len(config.bus)} buses, {len(readers)} ids are read")

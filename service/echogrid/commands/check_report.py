@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from echogrid.commands.judged import Report
+from echogrid.config.tables import Config
 from echogrid.core.messages import Floats
 from echogrid.judging.finding import Finding
 from echogrid.judging.listening import SPEED, YAW_RATE, Listener
@@ -52,6 +53,13 @@ def as_document(report: Report, config: Path, log: Path | None) -> dict[str, Any
         "findings": [{**msgspec.structs.asdict(_Told.of(finding, lines))} for finding, lines in said(report)],
         "undecided": [{"code": one.code, "sentence": one.sentence} for one in report.judgement.undecided],
     }
+
+
+def configured(config: Config, path: Path, ids: int) -> dict[str, Any]:
+    """What a configuration alone says, under the keys of a report where both have them."""
+    radars = {radar.name: {"bus": radar.bus, "profile": radar.profile} for radar in config.radar}
+    buses = [bus.name for bus in config.bus]
+    return {"config": str(path), "log": None, "buses": buses, "ids": ids, "radars": radars, "findings": [], "undecided": []}
 
 
 class _Told(msgspec.Struct):

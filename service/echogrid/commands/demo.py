@@ -38,10 +38,13 @@ from echogrid.pipeline import Pipeline
 PATIENCE = 20.0  # s
 
 
-def command(out: Path, model: str | None) -> None:
-    """A progress bar, then the map where a terminal shows it, and the summary in words. The rest is as in `demo`."""
+def command(out: Path, model: str | None, *, as_json: bool) -> None:
+    """A progress bar, then the map where a terminal shows it, and the summary in words, or as JSON alone. The rest is as in `demo`."""
     with progress("the demo drive, through the service") as advance:
         summary = demo(out, model, advance)
+    if as_json:
+        report(summary, out, as_json=True)
+        return
     show_map(out)
     report(summary, out)
     print(f"what the subscriber in the other process received: {out / 'received.png'}")

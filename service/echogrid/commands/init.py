@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from echogrid.can.dbc import Dbc
 from echogrid.commands.judged import Report, check_log
@@ -29,7 +31,7 @@ MENDED = frozenset(
 )
 
 
-def command(log: Path, dbcs: Sequence[Path], out: Path, *, force: bool) -> bool:
+def command(log: Path, dbcs: Sequence[Path], out: Path, *, force: bool, as_json: bool) -> bool:
     """Writes the configuration and its profiles; returns whether a check accepts it and nothing is missing.
 
     Raises EchogridError where a file cannot be read or is there already.
@@ -50,10 +52,14 @@ def command(log: Path, dbcs: Sequence[Path], out: Path, *, force: bool) -> bool:
     for name, text in texts.items():
         with whole(out.parent / name) as partial:
             partial.write_text(text)
-    print("\n".join(_told(found, proposal, report, log, out, list(texts))))
+    accepted = report is not None and not report.findings and not proposal.missing
+    if as_json:
+        print(json.dumps(_document(found, proposal, report, [out.parent / name for name in texts]) | {"accepted": accepted}, indent=2))
+    else:
+        print("\n".join(_told(found, proposal, report, log, out, list(texts))))
     if torn is not None:
         raise torn
-    return report is not None and not report.findings and not proposal.missing
+    return accepted
 
 
 def _heard(log: Path, advance: Callable[[float], None] | None) -> tuple[Heard, EchogridError | None]:
@@ -90,6 +96,28 @@ def _mended(proposal: Proposal, log: Path) -> Report:
         for finding, fix in fixes:
             proposal.mend(fix, f"by a check of the recording, {finding.code}, {finding.confidence:.0%} sure")
     raise AssertionError
+
+
+def _document(found: Survey, proposal: Proposal, report: Report | None, files: Sequence[Path]) -> dict[str, Any]:
+    """The same for programs; docs/new_car.md names the keys."""
+    judgement = None if report is None else report.judgement
+    return {
+        "files": [str(path) for path in files],
+        "radars": {
+            radar.mount.name: {
+                "profile": radar.sender.profile,
+                "channel": radar.sender.channel.name,
+                "scans": len(radar.sender.scans),
+                "whole": round(radar.sender.share, 4),
+            }
+            for radar in found.radars
+        },
+        "motion": None if found.motion is None else {"profile": found.motion.profile, "channel": found.motion.channel.name},
+        "uncertain": proposal.uncertain(),
+        "missing": proposal.missing,
+        "findings": [] if report is None else [{"code": one.code, "sentence": one.sentence} for one in report.findings],
+        "undecided": [] if judgement is None else [{"code": one.code, "sentence": one.sentence} for one in judgement.undecided],
+    }
 
 
 def _told(found: Survey, proposal: Proposal, report: Report | None, log: Path, out: Path, names: Sequence[str]) -> list[str]:

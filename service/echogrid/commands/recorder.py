@@ -136,8 +136,11 @@ def rmse(trajectory: list[EgoState], truth: Truth) -> float:
     return float(np.sqrt(((ours[inside] - true) ** 2).sum(axis=1).mean()))
 
 
-def report(summary: dict[str, Any], out: Path) -> None:
-    """Prints what a summary says, and where the files are."""
+def report(summary: dict[str, Any], out: Path, *, as_json: bool = False) -> None:
+    """Prints what a summary says, and where the files are; `as_json`: all of it, with the folder as `out`."""
+    if as_json:
+        print(json.dumps({"out": str(out), **summary}))
+        return
     faster = summary["drive_s"] / max(summary["wall_s"], 1e-9)
     scans = sum(counts["complete"] for counts in summary["scans"].values())
     print(f"{summary['drive_s']:.1f} s and {summary['distance_m']:.0f} m driven, {scans} scans in {summary['cycles']} map updates")
@@ -152,3 +155,5 @@ def report(summary: dict[str, Any], out: Path) -> None:
     print(f"{picture}, numbers: {out / 'summary.json'}")
     if summary["not_to_be_trusted"] is not None:
         print(f"the map is not to be trusted: {summary['not_to_be_trusted']}")
+    for note in summary["notes"]:
+        print(f"note: {note}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -26,19 +27,19 @@ NO_POSE = "pose.key: a recording holds no messages of Zenoh, so its poses are no
 
 
 def command(
-    path: Path, config: Path | None, out: Path, *, realtime: bool, model: str | None, record: Path | None, store: Path | None
+    path: Path, config: Path | None, out: Path, *, realtime: bool, model: str | None, record: Path | None, store: Path | None, as_json: bool
 ) -> bool:
     """A drive folder, or a log with its configuration: a progress bar, changes of state as they come, then the summary in words.
 
-    Returns whether the map is to be trusted. The rest is as in `replay`.
+    Returns whether the map is to be trusted. `as_json`: the summary as JSON, and nothing else on stdout. The rest is as in `replay`.
     """
     drive = find_drive(path, config)
     with progress(f"replay {path.name}") as advance:
-        summary = replay(drive, out, realtime=realtime, model=model, record=record, store=store, on_progress=advance, say=say)
-    show_map(out)
-    report(summary, out)
-    for note in summary["notes"]:
-        print(f"note: {note}")
+        tell = aside if as_json else say
+        summary = replay(drive, out, realtime=realtime, model=model, record=record, store=store, on_progress=advance, say=tell)
+    if not as_json:
+        show_map(out)
+    report(summary, out, as_json=as_json)
     if summary["faults"]:
         raise EchogridError(f"{drive.log}: {'; '.join(summary['faults'])}")
     return summary["not_to_be_trusted"] is None
@@ -47,6 +48,11 @@ def command(
 def say(line: str) -> None:
     """On the terminal, while a progress bar may stand there."""
     print(line, flush=True)
+
+
+def aside(line: str) -> None:
+    """The same where stdout is for a program."""
+    print(line, file=sys.stderr, flush=True)
 
 
 def replay(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import shutil
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +16,7 @@ import numpy as np
 from echogrid.maps.picture import text
 
 WIDEST = 100  # columns of a map
+FIRST_S, NEXT_S = 2.0, 10.0  # until a line of progress, and between two
 
 
 @contextmanager
@@ -41,18 +44,35 @@ def screen(live: bool, plain: bool) -> Iterator[Callable[[Sequence[Sequence[tupl
 
 
 @contextmanager
-def progress(title: str) -> Iterator[Callable[[float], None] | None]:
-    """A bar on a terminal, if the extra `terminal` is installed; otherwise nothing."""
+def progress(title: str) -> Iterator[Callable[[float], None]]:
+    """A bar on a terminal, if the extra `terminal` is installed; otherwise a line in the log now and then, if it takes long."""
     try:
         from rich.console import Console
         from rich.progress import Progress
     except ImportError:
-        yield None
+        yield Lines(title).add
         return
     console = Console(stderr=True)
-    with Progress(console=console, disable=not console.is_terminal, transient=True) as bar:
+    if not console.is_terminal:
+        yield Lines(title).add
+        return
+    with Progress(console=console, transient=True) as bar:
         task = bar.add_task(title, total=1.0)
         yield lambda share: bar.update(task, completed=share)
+
+
+class Lines:
+    """Remembers when the next line is due."""
+
+    def __init__(self, title: str) -> None:
+        self._title = title
+        self._due = time.monotonic() + FIRST_S
+
+    def add(self, share: float) -> None:
+        """How much is done, 0 to 1."""
+        if time.monotonic() >= self._due:
+            self._due = time.monotonic() + NEXT_S
+            logging.getLogger("echogrid").info(f"{self._title}: {share:.0%}")  # not one template: repeats of that would be left out
 
 
 def coloured() -> bool:

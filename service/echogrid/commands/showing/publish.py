@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 
 from echogrid.commands.recorder import Recorder, report
-from echogrid.commands.replay import nothing_known, say, true_poses, why_none
+from echogrid.commands.replay import aside, nothing_known, say, true_poses, why_none
 from echogrid.commands.state_log import StateLog
 from echogrid.commands.terminal import progress, show_map
 from echogrid.commands.traffic import Traffic
@@ -35,17 +35,26 @@ def command(
     record: Path | None,
     store: Path | None,
     foxglove: tuple[str, int] | None,
+    as_json: bool,
 ) -> bool:
     """As `echogrid replay`, until the recording's end or until SIGTERM or SIGINT; returns whether the map is to be trusted."""
     drive = find_drive(path, config)
     with progress(f"publishing {path.name}") as advance:
         summary = publish(
-            drive, out, speed=speed, model=model, record=record, store=store, foxglove=foxglove, on_progress=advance, on_start=_stoppable
+            drive,
+            out,
+            speed=speed,
+            model=model,
+            record=record,
+            store=store,
+            foxglove=foxglove,
+            on_progress=advance,
+            on_start=_stoppable,
+            say=aside if as_json else say,
         )
-    show_map(out)
-    report(summary, out)
-    for note in summary["notes"]:
-        print(f"note: {note}")
+    if not as_json:
+        show_map(out)
+    report(summary, out, as_json=as_json)
     if summary["faults"]:
         raise EchogridError(f"{drive.log}: {'; '.join(summary['faults'])}")
     return summary["not_to_be_trusted"] is None
@@ -62,6 +71,7 @@ def publish(
     foxglove: tuple[str, int] | None = None,
     on_progress: Callable[[float], None] | None = None,
     on_start: Callable[[Service], None] | None = None,
+    say: Callable[[str], None] = say,
 ) -> dict[str, Any]:
     """Plays a recording to the service at `speed` times its pace, and writes the files of a replay into `out`; returns the summary.
 
