@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,31 @@ class Made:
     wheels: list[dict[str, float]]
     imu: list[dict[str, Any]]
     pose: list[dict[str, Any]]
+
+
+def two_samples() -> Made:
+    """A scene of four sweeps of each radar."""
+    rng = np.random.default_rng(8)
+    clouds, stamps, mounts = {}, {}, {}
+    for number, (radar, yaw_deg) in enumerate(YAWS.items()):
+        clouds[radar] = []
+        for count in (3, 0, 90, 12):
+            points = np.zeros(count, dtype=POINT)
+            for name in ("x", "y", "rcs", "vx", "vy"):
+                points[name] = rng.uniform(1.0, 40.0, count)
+            clouds[radar].append(points)
+        stamps[radar] = [START_US + 1003 * number + 74_001 * sweep for sweep in range(4)]
+        half = math.radians(yaw_deg) / 2
+        mounts[radar] = [2.4 - 0.7 * number, 0.5 if yaw_deg > 0 else -0.5, 0.7, math.cos(half), 0.0, 0.0, math.sin(half)]
+    times = [START_US + 10_003 * step for step in range(30)]
+    wheels = [{"utime": time} | {wheel: 200.0 + 3.0 * n for n, wheel in enumerate(WHEELS)} for time in times]
+    imu = [{"utime": time, "rotation_rate": [0.5, 0.6, 0.01 * n]} for n, time in enumerate(times)]
+    pose = []
+    for n, time in enumerate(times):
+        half = 1.0 + 0.005 * n
+        pose.append({"utime": time, "pos": [400.0 + n, 1100.0 - n, 0.0], "vel": [6.2, 0.0, 0.0]})
+        pose[-1]["orientation"] = [math.cos(half), 0.0, 0.0, math.sin(half)]
+    return Made(clouds, stamps, mounts, wheels, imu, pose)
 
 
 def write_compact(made: Made, path: Path) -> Path:

@@ -16,11 +16,11 @@ from rich.progress import Progress, track
 from echogrid.arguments import Parser as Guessing
 from echogrid.arguments import complete
 from echogrid.errors import EchogridError
-from echogrid_training.drives import campaign, demo, inspect_drive, nuscenes, radarscenes
+from echogrid_training import importing
+from echogrid_training.drives import campaign, demo, inspect_drive
 from echogrid_training.drives.drive import check_free, write_drive
-from echogrid_training.drives.frames import Report
 from echogrid_training.evaluation import motion, real, sim
-from echogrid_training.labelling import bring, label
+from echogrid_training.labelling import label
 from echogrid_training.learning import fit
 from echogrid_training.own import adapt
 from echogrid_training.own import evaluate as own
@@ -87,27 +87,18 @@ def _parser() -> argparse.ArgumentParser:
 
     importer = commands.add_parser("import", help="a recording as a drive folder: public, or your own with a lidar")
     sets = importer.add_subparsers(required=True, metavar="DATASET")
-    one = sets.add_parser("nuscenes", help="one scene: its four corner radars, with the CAN bus expansion")
-    one.add_argument("source", type=Path, help="root of the official layout, a scene-XXXX.npz, or a folder of such files")
-    one.add_argument("--scene", help="which scene, such as scene-0061, where SOURCE holds several")
-    one.set_defaults(command=_nuscenes)
-    other = sets.add_parser("radarscenes", help="one sequence: its four radars")
-    other.add_argument("source", type=Path, help="an official folder sequence_N, or a seq_N.npz")
-    other.set_defaults(command=_radarscenes)
-
-    mine = sets.add_parser("own", help="your own recording: a CAN log with a lidar's bag or folder of points")
-    bring.add_arguments(mine)
-    mine.set_defaults(command=_own)
+    importing.add_commands(sets)
+    importing.add_many(sets)
+    for command in sets.choices.values():
+        command.set_defaults(command=_import)
 
     scene = commands.add_parser("scene", help="a small generated street scene of 40 s: no antenna, no materials")
     scene.add_argument("--seed", type=int, default=0, help="of the noise; the same seed makes the same bytes (default: 0)")
     scene.set_defaults(command=_scene)
     shipped = commands.add_parser("demo", help="the demonstration drive that the service ships")
     shipped.set_defaults(command=_demo)
-    for command in (one, other, scene, shipped):
-        command.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="the drive folder to write")
-        command.add_argument("--classic", action="store_true", help="classic CAN radars instead of CAN FD ones")
-        command.add_argument("--force", action="store_true", help="replace an existing drive")
+    for command in (scene, shipped):
+        importing.add_out(command)
 
     towns = commands.add_parser("simulate", help="drives through simulated towns, one folder each; a killed run continues where it was")
     place = towns.add_mutually_exclusive_group(required=True)
@@ -181,14 +172,8 @@ def _seconds(text: str) -> float:
     return number
 
 
-def _nuscenes(options: argparse.Namespace) -> None:
-    check_free(options.out, options.force)
-    _write(options, nuscenes.load(options.source, options.scene, _tracked()))
-
-
-def _radarscenes(options: argparse.Namespace) -> None:
-    check_free(options.out, options.force)
-    _write(options, radarscenes.load(options.source))
+def _import(options: argparse.Namespace) -> None:
+    print(options.importer(options, _tracked()))
 
 
 def _scene(options: argparse.Namespace) -> None:
@@ -205,7 +190,7 @@ def _write(options: argparse.Namespace, recording: Recording, truth_map: TruthMa
     written = write_drive(
         recording, options.out, fd=not options.classic, seed=seed, force=options.force, truth_map=truth_map, track=_tracked()
     )
-    print(summary(recording, written, options.out))
+    print(importing.summary(recording, written, options.out))
 
 
 def _simulate(options: argparse.Namespace) -> None:
@@ -229,10 +214,6 @@ def _simulate(options: argparse.Namespace) -> None:
 
         made = campaign.run(plan, options.out, options.workers, on_done)
     print(f"{options.out}: {options.towns} drives of {options.seconds:g} s, {made} of them made now")
-
-
-def _own(options: argparse.Namespace) -> None:
-    print(bring.run(options, _tracked()))
 
 
 def _label(options: argparse.Namespace) -> None:
@@ -312,16 +293,3 @@ class _Said:
         if time.monotonic() >= self._due:
             self._due = time.monotonic() + FIRST_S
             print(line, file=sys.stderr, flush=True)
-
-
-def summary(recording: Recording, report: Report, folder: Path) -> str:
-    """What was written, and what was left out."""
-    loads = ", ".join(f"{bus} {load:.0%}" for bus, load in report.loads.items())
-    lines = [
-        f"{folder}: {recording.vehicle}, {report.cycles} cycles of {len(recording.radars)} radars in {report.frames} frames, load {loads}",
-        f"  {report.sent} detections sent, {report.beyond_nearest} beyond the nearest 64 of their cycle left out, "
-        f"{report.unencodable} left out since a value does not fit its signal",
-    ]
-    if report.invalid_motion:
-        lines.append(f"  {report.invalid_motion} wheel speeds and yaw rates marked invalid since they do not fit their signal")
-    return "\n".join(lines)

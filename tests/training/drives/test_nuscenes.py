@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.support.npz_files import changed
-from tests.support.nuscenes_files import FIELDS, POINT, START_US, WHEELS, YAWS, Made, write_compact, write_official
+from tests.support.nuscenes_files import FIELDS, START_US, Made, two_samples, write_compact, write_official
 
 from echogrid.errors import EchogridError
 from echogrid_training.drives import nuscenes
@@ -17,27 +17,7 @@ from echogrid_training.drives.can_writer import can_frames
 
 @pytest.fixture
 def made() -> Made:
-    rng = np.random.default_rng(8)
-    clouds, stamps, mounts = {}, {}, {}
-    for number, (radar, yaw_deg) in enumerate(YAWS.items()):
-        clouds[radar] = []
-        for count in (3, 0, 90, 12):
-            points = np.zeros(count, dtype=POINT)
-            for name in ("x", "y", "rcs", "vx", "vy"):
-                points[name] = rng.uniform(1.0, 40.0, count)
-            clouds[radar].append(points)
-        stamps[radar] = [START_US + 1003 * number + 74_001 * sweep for sweep in range(4)]
-        half = math.radians(yaw_deg) / 2
-        mounts[radar] = [2.4 - 0.7 * number, 0.5 if yaw_deg > 0 else -0.5, 0.7, math.cos(half), 0.0, 0.0, math.sin(half)]
-    times = [START_US + 10_003 * step for step in range(30)]
-    wheels = [{"utime": time} | {wheel: 200.0 + 3.0 * n for n, wheel in enumerate(WHEELS)} for time in times]
-    imu = [{"utime": time, "rotation_rate": [0.5, 0.6, 0.01 * n]} for n, time in enumerate(times)]
-    pose = []
-    for n, time in enumerate(times):
-        half = 1.0 + 0.005 * n
-        pose.append({"utime": time, "pos": [400.0 + n, 1100.0 - n, 0.0], "vel": [6.2, 0.0, 0.0]})
-        pose[-1]["orientation"] = [math.cos(half), 0.0, 0.0, math.sin(half)]
-    return Made(clouds, stamps, mounts, wheels, imu, pose)
+    return two_samples()
 
 
 def test_both_layouts_give_the_same_frames(made: Made, tmp_path: Path) -> None:

@@ -32,6 +32,7 @@ from echogrid_training.recording import Recording, Track, untracked
 from echogrid_training.truth.ground_truth import TruthMap
 
 CONFIG, LOG, TRUTH, LIDAR, MOUNT = "echogrid.toml", "can.log.gz", "truth.npz", "lidar.mcap", "lidar.toml"
+LABELLED = ("lidar.npz", "poses.npz", "label.png", "label.json")  # what the room `labelling` adds
 
 
 def write_drive(
@@ -64,7 +65,7 @@ def check_free(folder: Path, force: bool) -> None:
     if folder.exists() and not folder.is_dir():
         raise EchogridError(f"{folder}: is a file, expected a folder that does not exist yet or is empty")
     found = sorted(entry.name for entry in folder.iterdir()) if folder.exists() else []
-    foreign = [name for name in found if name not in (CONFIG, LOG, TRUTH, LIDAR, MOUNT)]
+    foreign = [name for name in found if name not in (CONFIG, LOG, TRUTH, LIDAR, MOUNT, *LABELLED)]
     if foreign and force:
         raise EchogridError(f"{folder}: holds '{foreign[0]}', which is not part of a drive, so --force does not replace it")
     if found and not force:

@@ -124,8 +124,8 @@ def read_compact(path: Path) -> Source:
     )
 
 
-def read_official(root: Path, scene: str | None, track: Track = untracked) -> Source:
-    """One scene of the official layout, with the CAN bus expansion. Raises EchogridError."""
+def official_scene(root: Path, scene: str | None) -> tuple[str, Path, str]:
+    """Name, folder of tables, and token of the wanted scene, or of the only one. Raises EchogridError."""
     scenes = {
         str(field(record, "name", path)): (path.parent, str(field(record, "token", path)))
         for path in sorted(root.glob("v1.0-*/scene.json"))
@@ -134,13 +134,25 @@ def read_official(root: Path, scene: str | None, track: Track = untracked) -> So
     if not scenes:
         raise EchogridError(f"{root}: no v1.0-* folder holds a scene.json with scenes")
     name = _choose(list(scenes), scene, root)
-    tables, token = scenes[name]
+    return name, *scenes[name]
+
+
+def read_official(root: Path, scene: str | None, track: Track = untracked) -> Source:
+    """One scene of the official layout, with the CAN bus expansion. Raises EchogridError."""
+    name, tables, token = official_scene(root, scene)
     can_bus = root / "can_bus"
     wheels, imu, pose = (can_bus / f"{name}_{kind}.json" for kind in ("zoe_veh_info", "ms_imu", "pose"))
     orientation = [("orientation", part) for part in range(4)]
     return Source(
         name,
-        _official_sweeps(root, tables, token, track),
+        {
+            radar: Sweeps(
+                clouds.stamp_us,
+                [load_pcd(root / path, CLUSTER) for path in track(clouds.files, f"reading RADAR_{radar}")],
+                clouds.mount,
+            )
+            for radar, clouds in zip(RADARS, clouds_of(tables, token, [f"RADAR_{radar}" for radar in RADARS]), strict=True)
+        },
         numbers(load_json(wheels), [("utime", None), *((wheel, None) for wheel in WHEELS)], wheels),
         numbers(load_json(imu), [("utime", None), ("rotation_rate", 2)], imu),
         numbers(load_json(pose), [("utime", None), ("pos", 0), ("pos", 1), *orientation, ("vel", 0)], pose),
@@ -154,8 +166,17 @@ def _records(path: Path) -> list[Any]:
     return records
 
 
-def _official_sweeps(root: Path, tables: Path, scene_token: str, track: Track) -> dict[str, Sweeps]:
-    """Every radar cloud that belongs to a sample of the scene, keyframes and the sweeps between them."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Clouds:
+    """The files of one sensor that belong to samples of a scene, keyframes and the sweeps between them: as `Sweeps`."""
+
+    stamp_us: NDArray[np.int64]
+    files: list[str]  # below the root
+    mount: Floats
+
+
+def clouds_of(tables: Path, scene_token: str, wanted: Sequence[str]) -> list[Clouds]:
+    """Of each of the channels that are wanted. Raises EchogridError where one has none."""
     paths = {table: tables / f"{table}.json" for table in ("sample", "sensor", "calibrated_sensor", "sample_data")}
     records = {table: _records(path) for table, path in paths.items()}
 
@@ -165,25 +186,24 @@ def _official_sweeps(root: Path, tables: Path, scene_token: str, track: Track) -
     samples = {of("sample", one, "token") for one in records["sample"] if of("sample", one, "scene_token") == scene_token}
     channels = {of("sensor", one, "token"): of("sensor", one, "channel") for one in records["sensor"]}
     calibrations = {of("calibrated_sensor", one, "token"): one for one in records["calibrated_sensor"]}
-    clouds: dict[str, dict[int, Any]] = {radar: {} for radar in RADARS}
+    found: dict[str, dict[int, Any]] = {channel: {} for channel in wanted}
     for one in records["sample_data"]:
         if of("sample_data", one, "sample_token") not in samples:
             continue
         calibration = calibrations.get(of("sample_data", one, "calibrated_sensor_token"))
         channel = channels.get(of("calibrated_sensor", calibration, "sensor_token"), "")
-        radar = str(channel).removeprefix("RADAR_")
-        if channel.startswith("RADAR_") and radar in clouds:
-            clouds[radar][int(of("sample_data", one, "timestamp"))] = (of("sample_data", one, "filename"), calibration)
-    sweeps = {}
-    for radar, by_stamp in clouds.items():
+        if channel in found:
+            found[channel][int(of("sample_data", one, "timestamp"))] = (of("sample_data", one, "filename"), calibration)
+    out = []
+    for channel, by_stamp in found.items():
         if not by_stamp:
-            raise EchogridError(f"{paths['sample_data']}: has no clouds of RADAR_{radar} for the scene")
+            raise EchogridError(f"{paths['sample_data']}: has no clouds of {channel} for the scene")
         stamps = sorted(by_stamp)
-        clusters = [load_pcd(root / by_stamp[stamp][0], CLUSTER) for stamp in track(stamps, f"reading RADAR_{radar}")]
         calibration = by_stamp[stamps[0]][1]
         mount = [*of("calibrated_sensor", calibration, "translation"), *of("calibrated_sensor", calibration, "rotation")]
-        sweeps[radar] = Sweeps(np.array(stamps, dtype=np.int64), clusters, np.array(mount, dtype=np.float64))
-    return sweeps
+        files = [str(by_stamp[stamp][0]) for stamp in stamps]
+        out.append(Clouds(np.array(stamps, dtype=np.int64), files, np.array(mount, dtype=np.float64)))
+    return out
 
 
 def recording(source: Source) -> Recording:

@@ -45,7 +45,7 @@ def clouds(source: Path, topic: str | None) -> Iterator[Cloud]:
             f"{source}: holds neither .mcap nor {', '.join(FILES)} files, found {some(sorted(p.name for p in source.iterdir()))}"
         )
     for path in found:
-        yield Cloud(_stamp(path), _points(path))
+        yield Cloud(_stamp(path), points_of(path))
 
 
 def _stamp(path: Path) -> int:
@@ -56,7 +56,8 @@ def _stamp(path: Path) -> int:
     return int(path.stem)
 
 
-def _points(path: Path) -> Floats:
+def points_of(path: Path) -> Floats:
+    """(N, 3) m of one file. Raises EchogridError."""
     if path.suffix == ".npz":
         points = load_npz(path, ("xyz",))["xyz"].astype(float)
     elif path.suffix == ".pcd":
