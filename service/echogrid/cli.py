@@ -101,6 +101,11 @@ def _parser() -> argparse.ArgumentParser:
         help="also record frames and all that is published, into a new file, or a new folder that is a ROS 2 bag",
     )
     replay.add_argument("--store", type=Path, metavar="FILE.egmap", help="also write the map's tiles into this file, as a new epoch")
+    replay.add_argument(
+        "--learn-first",
+        action="store_true",
+        help="go through it twice: for what wheels, yaw rate and mounts are off by, then for the map, corrected from its start on",
+    )
     replay.set_defaults(command=_replay)
 
     check = commands.add_parser(
@@ -202,6 +207,8 @@ def _replay(given: argparse.Namespace) -> None:
     from echogrid.commands.replay import command
     from echogrid.commands.showing import publish
 
+    if given.publish and given.learn_first:
+        raise EchogridError("--learn-first: found with --publish, expected one of them")
     if given.publish:
         speed, options = given.speed or 1.0, {name: getattr(given, name) for name in ("model", "record", "store", "foxglove")}
         if not publish.command(given.drive, given.config, given.out, speed=speed, as_json=given.json, **options):
@@ -219,6 +226,7 @@ def _replay(given: argparse.Namespace) -> None:
         record=given.record,
         store=given.store,
         as_json=given.json,
+        learn_first=given.learn_first,
     ):
         sys.exit(3)
 

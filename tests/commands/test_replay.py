@@ -10,7 +10,7 @@ import can
 import numpy as np
 import pytest
 from PIL import Image
-from tests.support import networks, world
+from tests.support import frames, networks, world
 from tests.support.program import echogrid
 
 from echogrid.commands.replay import replay
@@ -277,3 +277,40 @@ def test_check_praises_a_whole_log_and_blames_a_holey_one(drive: Path, tmp_path:
     assert (done.returncode, done.stderr) == (2, "")
     assert "[lost_frames] radar front_right: " in done.stdout
     assert "[radar_missing] radar rear_left: none of its frames (0x320, 0x321) is in the recording" in done.stdout
+
+
+def test_learned_first_a_stop_at_the_end_straightens_the_whole_way(tmp_path: Path) -> None:
+    """A gyro that shows 1°/s too much, and a stop that only comes when all is driven: what it tells helps from the start on, twice alike."""
+    seconds, speed, bias = 12.0, 6.0, np.radians(1.0)
+    wall = world.standing([(x * 0.3, 6.0) for x in range(-20, 300)])
+    driven = world.record(world.straight(speed), [wall], seconds)
+    rates = [message for message in driven if message.arbitration_id == 0x102]
+    shown = {id(message): frames.yaw_rate(bias, n, message.timestamp) for n, message in enumerate(rates)}
+    messages = [shown.get(id(message), message) for message in driven]
+    begin, count = messages[-1].timestamp, len(rates)
+    braking = [max(speed - 0.06 * n, 0.0) for n in range(100)] + [0.0] * 600
+    for n, wheels in enumerate(braking, 1):
+        time = begin + n * 0.01
+        messages += [frames.wheel_speeds(wheels, count + n - 1, time), frames.yaw_rate(bias, count + n - 1, time + 0.001)]
+    drive = world.write_drive(tmp_path / "drive", messages)
+    once = replay(find_drive(drive, None), tmp_path / "once")
+    twice = [replay(find_drive(drive, None), tmp_path / name, learn_first=True) for name in ("first", "again")]
+    assert once["learned"]["yaw_rate_bias_deg_s"] == pytest.approx(1.0, abs=0.02)
+    assert twice[0]["learned"]["yaw_rate_bias_deg_s_applied"] == pytest.approx(1.0, abs=0.02)
+    assert twice[0]["map_sha256"] == twice[1]["map_sha256"] != once["map_sha256"]
+    aside = []
+    for name in ("once", "first"):
+        with (tmp_path / name / "trajectory.csv").open() as file:
+            aside.append(max(abs(float(row["y"])) for row in csv.DictReader(file)))
+    assert aside[0] > 5.0
+    assert aside[1] < 0.3
+
+
+def test_what_may_not_learn_cannot_learn_first(drive: Path, tmp_path: Path) -> None:
+    path = tmp_path / "never.toml"
+    path.write_text((drive / "echogrid.toml").read_text().replace("[motion]\n", '[motion]\nlearns = "never"\n'))
+    done = echogrid("replay", drive / "can.log", "-c", path, "--learn-first", "--out", tmp_path / "out")
+    assert done.returncode == 1
+    assert done.stderr == f"echogrid: {path}: motion.learns: 'never' found, expected 'driving' or 'standing' with --learn-first\n"
+    done = echogrid("replay", drive, "--learn-first", "--publish")
+    assert done.stderr == "echogrid: --learn-first: found with --publish, expected one of them\n"

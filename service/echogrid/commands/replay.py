@@ -10,7 +10,10 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from echogrid.can.signals import bus_of
+from echogrid.commands.learning import learn
 from echogrid.commands.recorder import Recorder, report
 from echogrid.commands.state_log import StateLog
 from echogrid.commands.terminal import progress, show_map
@@ -27,7 +30,16 @@ NO_POSE = "pose.key: a recording holds no messages of Zenoh, so its poses are no
 
 
 def command(
-    path: Path, config: Path | None, out: Path, *, realtime: bool, model: str | None, record: Path | None, store: Path | None, as_json: bool
+    path: Path,
+    config: Path | None,
+    out: Path,
+    *,
+    realtime: bool,
+    model: str | None,
+    record: Path | None,
+    store: Path | None,
+    learn_first: bool,
+    as_json: bool,
 ) -> bool:
     """A drive folder, or a log with its configuration: a progress bar, changes of state as they come, then the summary in words.
 
@@ -36,7 +48,17 @@ def command(
     drive = find_drive(path, config)
     with progress(f"replay {path.name}") as advance:
         tell = aside if as_json else say
-        summary = replay(drive, out, realtime=realtime, model=model, record=record, store=store, on_progress=advance, say=tell)
+        summary = replay(
+            drive,
+            out,
+            realtime=realtime,
+            model=model,
+            record=record,
+            store=store,
+            learn_first=learn_first,
+            on_progress=advance,
+            say=tell,
+        )
     if not as_json:
         show_map(out)
     report(summary, out, as_json=as_json)
@@ -63,10 +85,13 @@ def replay(
     model: str | None = None,
     record: Path | None = None,
     store: Path | None = None,
+    learn_first: bool = False,
     on_progress: Callable[[float], None] | None = None,
     say: Callable[[str], None] | None = None,
 ) -> dict[str, Any]:
     """Runs a recording through the chain and writes its files into `out`; returns the summary. `say` is told of changes of the state.
+
+    `learn_first`: the recording is gone through twice, and mapped with what it says of the car as a whole; nothing is learned then.
 
     `record`: also write an MCAP file. `store`: also write the map's tiles into this file, which may already hold other maps.
 
@@ -76,7 +101,13 @@ def replay(
     worth a word.
     """
     config = load_config(drive.config, model)
+    kept = None
+    if learn_first:
+        kept = learn(drive.log, config, drive.config, None if on_progress is None else lambda share: on_progress(share / 2))
+        config = msgspec.structs.replace(config, motion=msgspec.structs.replace(config.motion, learns="never"))
     pipeline = Pipeline(config, drive.config)
+    if kept is not None:
+        pipeline.mapper.odometry.errors.recall(kept, same_drive=True)
     truth = true_poses(drive, say)
     log = Log(drive.log)
     recorder = Recorder(pipeline, states=StateLog(say))
@@ -100,7 +131,7 @@ def replay(
                     if keeper is not None and keeper.due():
                         _flush(keeper)
                 if on_progress is not None:
-                    on_progress(log.progress)
+                    on_progress(log.progress if kept is None else (1.0 + log.progress) / 2)
         except EchogridError as error:
             torn = error
         if pipeline.health.unknown_frames == pipeline.health.frames - pipeline.health.bad_frames:

@@ -1,4 +1,5 @@
-"""`echogrid-train evaluate motion`: dead reckoning without corrections, with what stops tell, and with all that is learned, as a table."""
+"""`echogrid-train evaluate motion`: dead reckoning without corrections, with what stops tell, with all that is learned on the way, and with
+what the whole drive has taught from its start on, as a table."""
 
 from __future__ import annotations
 
@@ -21,6 +22,8 @@ HEADS = (
     "stops",
     "learned",
     "learned / raw",
+    "learned first",
+    "/ raw",
     "second half: raw",
     "learned",
     "yaw-rate bias",
@@ -44,17 +47,20 @@ def run_motion(options: argparse.Namespace, track: Track = untracked) -> str:
     for folder in track(options.drives, "drives"):
         heard = hear(folder)
         reckoned = [reckon(heard, learns, kept if learns == "driving" else None) for learns in WAYS]
-        kept = reckoned[-1].kept if options.one_car else None
+        taught, known = reckoned[-1].kept, reckoned[-1].learned
+        kept = taught if options.one_car else None
+        reckoned.append(reckon(heard, "never", taught, same_drive=True))
         each = tuple(score(one, heard.truth) for one in reckoned)
         scores.append(each)
-        raw, learned = each[0], each[-1]
-        known = reckoned[-1].learned
+        raw, _, learned, first = each
         rows.append(
             (
                 heard.name,
                 f"{raw.way:.0f} m",
-                *(f"{one.off:.2f} m" for one in each),
+                *(f"{one.off:.2f} m" for one in each[:3]),
                 f"{_ratio(learned.off, raw.off):.2f}",
+                f"{first.off:.2f} m",
+                f"{_ratio(first.off, raw.off):.2f}",
                 f"{raw.later_off:.2f} m",
                 f"{learned.later_off:.2f} m",
                 *(f"{known[key]:+.2f} ± {known[f'{key}_sigma']:.2f}" for key in ("yaw_rate_bias_deg_s", "wheel_scale_percent")),
@@ -66,21 +72,25 @@ def run_motion(options: argparse.Namespace, track: Track = untracked) -> str:
 
 
 def summary(scores: Sequence[tuple[Score, ...]]) -> str:
-    """Of drives, each scored as in WAYS: medians, the worst ratio, and how many of the claims hold."""
-    raw, stops, learned = (np.array([one[n].off / one[n].way * 100 for one in scores]) for n in range(len(WAYS)))
-    ratios = [_ratio(one[-1].off, one[0].off) for one in scores]
-    later = [_ratio(one[-1].later_off, one[0].later_off) for one in scores]
-    places, headings = (np.array([getattr(one[-1], key) for one in scores]) for key in ("place", "heading"))
-    within = ", ".join(
-        f"{name} {np.mean(values < HALF[n]):.0%} and {np.mean(values < MOST[n]):.0%}"
-        for n, (name, values) in enumerate((("place", places), ("heading", headings)))
-    )
-    return (
-        f"RMSE per 100 m, median: raw {np.median(raw):.2f} m, stops {np.median(stops):.2f} m, learned {np.median(learned):.2f} m. "
-        f"Learned / raw: median {np.median(ratios):.2f}, worst {max(ratios):.2f}; "
-        f"in the second half {np.median(later):.2f}, {max(later):.2f}. "
-        f"Within the 50 % and the 95 % band: {within}."
-    )
+    """Of drives, each scored as in WAYS and then with what was learned first: medians, the worst ratio, and how many of the claims hold."""
+    raw, stops, learned, first = (np.array([one[n].off / one[n].way * 100 for one in scores]) for n in range(len(WAYS) + 1))
+    said = [
+        f"RMSE per 100 m, median: raw {np.median(raw):.2f} m, stops {np.median(stops):.2f} m, learned {np.median(learned):.2f} m, "
+        f"learned first {np.median(first):.2f} m."
+    ]
+    for name, n in (("Learned", 2), ("Learned first", 3)):
+        ratios = [_ratio(one[n].off, one[0].off) for one in scores]
+        later = [_ratio(one[n].later_off, one[0].later_off) for one in scores]
+        places, headings = (np.array([getattr(one[n], key) for one in scores]) for key in ("place", "heading"))
+        within = ", ".join(
+            f"{what} {np.mean(values < HALF[k]):.0%} and {np.mean(values < MOST[k]):.0%}"
+            for k, (what, values) in enumerate((("place", places), ("heading", headings)))
+        )
+        said.append(
+            f"{name} / raw: median {np.median(ratios):.2f}, worst {max(ratios):.2f}; "
+            f"in the second half {np.median(later):.2f}, {max(later):.2f}. Within the 50 % and the 95 % band: {within}."
+        )
+    return "\n".join(said)
 
 
 def _ratio(learned: float, raw: float) -> float:

@@ -78,10 +78,11 @@ class ErrorFilter:
         """For another drive of the same car."""
         return Kept(self.mean[POSE:].copy(), self.covariance[POSE:, POSE:].copy())
 
-    def recall(self, kept: Kept) -> None:
-        """At the begin of a drive: what was kept of the last one. Since then the errors have wandered."""
+    def recall(self, kept: Kept, *, same_drive: bool = False) -> None:
+        """At the begin of a drive: what was kept of the last one. Since then the errors have wandered, unless it was the same drive."""
         self.mean[POSE:] = kept.mean
-        self.covariance[POSE:, POSE:] = kept.covariance + model.resting(len(self.radars))[POSE:, POSE:]
+        rest = 0.0 if same_drive else model.resting(len(self.radars))[POSE:, POSE:]
+        self.covariance[POSE:, POSE:] = kept.covariance + rest
         self.scale, self.bias = self._sure(SCALE), self._sure(BIAS)
 
     def corrected(self, speed: float, yaw_rate: float) -> tuple[float, float]:

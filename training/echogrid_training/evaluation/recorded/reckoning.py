@@ -77,11 +77,11 @@ def hear(folder: Path) -> Heard:
     return Heard(folder.name, items, {radar.name: radar.mount() for radar in config.radar}, config.gate.noise(), truth)
 
 
-def reckon(heard: Heard, learns: Learns, kept: Kept | None = None) -> Reckoned:
-    """As the service reckons, cycle by cycle; every radar is trusted, and there is no map. `kept`: of the car's drive before."""
+def reckon(heard: Heard, learns: Learns, kept: Kept | None = None, *, same_drive: bool = False) -> Reckoned:
+    """As the service reckons, cycle by cycle; every radar is trusted, and there is no map. `kept`: of the drive before, or of this one."""
     errors = ErrorFilter(tuple(heard.mounts), learns)
     if kept is not None:
-        errors.recall(kept)
+        errors.recall(kept, same_drive=same_drive)
     odometry, doppler = Odometry(errors), DopplerErrors()
     waiting: list[RadarScan] = []
     end_ns, stamps, poses, covariances = 0, list[int](), list[tuple[float, float, float]](), list[Floats]()

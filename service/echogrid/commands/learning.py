@@ -1,0 +1,35 @@
+"""What a whole recording says of a car's motion sensors, before it is mapped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import msgspec
+
+from echogrid.can.signals import bus_of
+from echogrid.config.tables import Config
+from echogrid.core.motion.error_filter import Kept
+from echogrid.errors import EchogridError
+from echogrid.logs.log import Log
+from echogrid.pipeline import Pipeline
+
+
+def learn(log: Path, config: Config, source: Path, on_progress: Callable[[float], None] | None = None) -> Kept:
+    """Replays a recording, as far as it can be read, for what is learned on it; the map that it makes on the way, by plain geometry, is
+    thrown away.
+
+    Raises EchogridError where the configuration does not allow to learn.
+    """
+    if config.motion.learns == "never":
+        raise EchogridError(f"{source}: motion.learns: 'never' found, expected 'driving' or 'standing' with --learn-first")
+    by_geometry = msgspec.structs.replace(config, model="analytic", model_sha256=None, map=msgspec.structs.replace(config.map, fusion=None))
+    pipeline, recording = Pipeline(by_geometry, source), Log(log)
+    with suppress(EchogridError):  # what is wrong with the file is said where it is mapped
+        for message in recording:
+            pipeline.add(bus_of(message, config.bus) or "", message)
+            if on_progress is not None and recording.messages % 256 == 0:
+                on_progress(recording.progress)
+    pipeline.mapper.end_cycle()
+    return pipeline.mapper.odometry.errors.keep()
