@@ -21,7 +21,7 @@ from pathlib import Path
 
 import can
 import pytest
-from tests.support.documents import DOCUMENTS, PROGRAMS, Block, blocks
+from tests.support.documents import DOCUMENTS, PROGRAMS, Block, blocks, tool
 from tests.support.own_cars import CARS
 from tests.support.places import ROOT
 from tests.support.waiting import PATIENCE
@@ -38,7 +38,8 @@ NOT_RUN = {
     r"echogrid-train\b": "computes for minutes, or reads data sets that are not ours: tests/training",
     r"python examples/": "is run with what it needs: tests/documents/test_examples.py",
     r"make\b": "is what runs these tests; that its target is there is looked up",
-    r"(\.venv/bin/)?pip install\b": "tests install nothing; that an extra is there is looked up",
+    r"(pip install|python3 -m venv)\b": "tests install nothing; that an extra is there is looked up",
+    r"echogrid demo\b": "plays a whole drive: tests/test_chain.py",
     r"dask\b": "wants a cluster: tests/maps/test_merge.py",
     r"source\b": "is for the shell of a person",
     r"(sudo|sudoedit|systemctl|networkctl|journalctl|ip|apt|candump|cd /usr)\b": "asks or changes the machine: tests/rig, in a guest",
@@ -49,7 +50,8 @@ SECONDS = 4.0  # of the drive, where any will do
 
 def reason(block: Block, command: str) -> str | None:
     """Why it is not run; None where it is."""
-    return block.why_not_run(command) or next((why for pattern, why in NOT_RUN.items() if re.match(pattern, command)), None)
+    bare = re.sub(r"^\S*/", "", command)
+    return block.why_not_run(command) or next((why for pattern, why in NOT_RUN.items() if re.match(pattern, bare)), None)
 
 
 @contextmanager
@@ -173,7 +175,7 @@ def test_every_command_does_what_it_says_or_is_one(
             assert block.why_not_run(block.text), f"{block.place}: a script is run by a test of its own"
             continue
         for command in block.commands():
-            assert command.split(" ")[0] in PROGRAMS, f"{block.place}: {command}: what program is that?"
+            assert tool(command) in PROGRAMS, f"{block.place}: {command}: what program is that?"
             if reason(block, command) is not None:
                 looked_up(command)
                 continue

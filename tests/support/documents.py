@@ -30,12 +30,11 @@ PROGRAMS = {
     "openssl",
     "pip",
     "python",
+    "python3",
     "source",
     "sudo",
     "sudoedit",
     "systemctl",
-    ".venv/bin/echogrid",
-    ".venv/bin/python",
 }
 SHELLS = ("", "sh")  # languages of a block: none for an indented one
 MARK = re.compile(r"<!-- not run((?:,? `[^`]+`)*): (.+?) -->")
@@ -60,7 +59,7 @@ class Block:
         lines = re.sub(r"\\\n\s*", "", self.text).splitlines()
         if self.language == "text":
             lines = [line[2:] for line in lines if line.startswith("$ ")]
-        elif self.language not in SHELLS or not any(line.split(" ")[0] in PROGRAMS for line in lines):
+        elif self.language not in SHELLS or not any(tool(line) in PROGRAMS for line in lines):
             return []
         typed = [re.sub(r"(^| +)# .*", "", line).strip() for line in lines]
         return [command for command in typed if command]
@@ -68,6 +67,11 @@ class Block:
     def why_not_run(self, command: str) -> str | None:
         """None where it is run."""
         return next((why for word, why in self.marks if word in command), None)
+
+
+def tool(command: str) -> str:
+    """Its name, without the folder in which a document says it lies."""
+    return command.split(" ")[0].rpartition("/")[2]
 
 
 def blocks(document: Path) -> list[Block]:
