@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.support.places import ROOT
 from tests.support.tiny_drives import room_drive
 from tests.support.tiny_towns import track
 
@@ -25,6 +27,7 @@ from echogrid_training.learning.dataset import (
     of_detections,
     of_lidar,
     packed,
+    read_samples,
     soft,
     split,
     ternary,
@@ -228,3 +231,69 @@ def test_left_for_right_turns_planes_and_labels_alike_in_half_of_the_pairs() -> 
         np.testing.assert_array_equal(image, old_image)
         np.testing.assert_array_equal(label, old_label)
     assert 10 < flipped < 30
+
+
+def documented() -> dict[str, tuple[str, tuple[str, ...]]]:
+    """Type and shape of each array by docs/simulator.md."""
+    text = (ROOT / "docs" / "simulator.md").read_text("utf-8").split("## Samples")[1].split("\n## ")[0]
+    rows = re.findall(r"(?m)^\| `(\w+)` \| (\w+) \| \((.*?)\) \|", text)
+    return {name: (kind, tuple(part.strip() for part in shape.split(",") if part.strip())) for name, kind, shape in rows}
+
+
+def test_a_file_of_samples_is_as_its_documentation_says(drive: Path) -> None:
+    """Read without a line of ours."""
+    cut, layout = list(samples(drive)), documented()
+    load_drive(drive)
+    with np.load(drive.with_name("train-00000.samples.npz")) as held:
+        assert set(held.files) == set(layout)
+        for name, (kind, shape) in layout.items():
+            assert held[name].dtype.kind == "U" if kind == "text" else held[name].dtype == kind
+            assert [str(size) for size in held[name].shape] == [str(len(cut)) if size == "N" else size for size in shape]
+        for index, sample in enumerate(cut):
+            bits = [[(held["lidar"][index, (128 * i + j) // 8] >> (7 - (128 * i + j) % 8)) & 1 for j in range(128)] for i in range(128)]
+            np.testing.assert_array_equal(bits, sample.lidar)
+            exact = 127 * np.tanh(sample.truth / 2)
+            assert np.abs(held["labels"][index] - exact).max() <= 1
+            np.testing.assert_array_equal(np.sign(held["labels"][index]), np.sign(sample.truth))
+        i, j = np.nonzero(bits)
+        around = load_simulated_truth(drive / "truth.npz").lidar_points(cut[-1].stamp_ns, cut[-1].truth_from_base)
+        near = around[(np.abs(around) < 15).all(axis=1)]
+        size = 0.234375
+        found = np.stack((-15 + size * (j + 0.5), -15 + size * (i + 0.5)), axis=-1)
+        away = np.abs(found[:, None] - near).max(axis=-1)
+        assert away.min(axis=1).max() <= size / 2 + 1e-6  # each such cell has a return in it
+        assert away.min(axis=0).max() <= size / 2 + 1e-6  # and each return is in one
+
+
+def test_samples_are_appended_by_another_file(drive: Path, tmp_path: Path) -> None:
+    ours = load_drive(drive)
+    rng = np.random.default_rng(1)
+    images, labels = rng.integers(0, 256, (5, 12, 128, 128), np.uint8), rng.integers(-128, 128, (5, 128, 128)).astype(np.int8)
+    np.savez(tmp_path / "more.npz", images=images, lidar=np.zeros((5, 2048), np.uint8), labels=labels)
+    both = joined([load_drives([drive]), read_samples(tmp_path / "more.npz")])
+    assert len(both) == len(ours) + 5
+    np.testing.assert_array_equal(both.images[: len(ours)], ours.images)
+    np.testing.assert_array_equal(both.labels[len(ours) :], labels)
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        ({"labels": np.zeros((5, 128, 128))}, "'labels' is float64 of shape (5, 128, 128), expected int8 of (N, 128, 128)"),
+        (
+            {"images": np.zeros((4, 12, 128, 128), np.uint8)},
+            "'images' is uint8 of shape (4, 12, 128, 128), expected uint8 of (N, 12, 128, 128)",
+        ),
+        ({"lidar": np.zeros((5, 128, 128), np.uint8)}, "'lidar' is uint8 of shape (5, 128, 128), expected uint8 of (N, 2048)"),
+        ({"labels": None}, "has no array 'labels', found images, lidar"),
+    ],
+)
+def test_a_file_of_other_arrays_is_one_sentence(tmp_path: Path, change: dict[str, np.ndarray | None], expected: str) -> None:
+    arrays = {
+        "images": np.zeros((5, 12, 128, 128), np.uint8),
+        "lidar": np.zeros((5, 2048), np.uint8),
+        "labels": np.zeros((5, 128, 128), np.int8),
+    }
+    np.savez(tmp_path / "more.npz", **{name: array for name, array in (arrays | change).items() if array is not None})
+    with pytest.raises(EchogridError, match=re.escape(f"more.npz: {expected}")):
+        read_samples(tmp_path / "more.npz")

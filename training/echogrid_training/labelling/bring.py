@@ -78,7 +78,7 @@ def run(options: argparse.Namespace, track: Track = untracked) -> str:
         shutil.copyfile(options.log, partial / f"can{ending}")
         shutil.copyfile(options.mount, partial / MOUNT)
         turns = list(track(clouds(options.lidar, options.topic), "reading the lidar"))
-        first, last = span(turns, options.lidar)
+        first, last = (stamp_ns - round(mount.latency_ms * 1e6) for stamp_ns in span(turns, options.lidar))
         drive = hear(partial)
         began, ended = drive.items[0][0], drive.items[-1][0]
         _together(first, last, began, ended, f"{options.lidar}: its turns and {options.log}")
@@ -103,7 +103,7 @@ def _together(first: int, last: int, began: int, ended: int, what: str) -> None:
     """Raises EchogridError unless two spans of time (ns) meet."""
     if last < began or first > ended:
         apart = (first - ended if first > ended else began - last) * 1e-9
-        raise EchogridError(f"{what} are {apart:.0f} s apart; both need one clock")
+        raise EchogridError(f"{what} are {apart:.1f} s apart; both need one clock")
 
 
 def named(config: Config) -> list[str]:

@@ -30,6 +30,7 @@ from echogrid_training.drives import samples
 from echogrid_training.drives.samples import Sample
 from echogrid_training.recording import Track, untracked
 from echogrid_training.sensors.disturbance import Disturbance
+from echogrid_training.sources import load_npz
 from echogrid_training.truth import ground_truth
 
 SURE = 127  # what a label of 1 is stored as
@@ -74,6 +75,18 @@ class Samples:
             np.zeros((count, side * side // 8), np.uint8),
             np.zeros((count, side, side), np.int8),
         )
+
+
+def read_samples(path: Path) -> Samples:
+    """A file of samples that somebody else made (docs/simulator.md). Raises EchogridError."""
+    arrays = load_npz(path, ARRAYS)
+    count = len(arrays["labels"]) if arrays["labels"].ndim else 0
+    for name in ARRAYS:
+        found, expected = arrays[name], getattr(Samples.empty(0), name)
+        if found.dtype != expected.dtype or found.shape != (count, *expected.shape[1:]):
+            shape = ", ".join(map(str, ("N", *expected.shape[1:])))
+            raise EchogridError(f"{path}: '{name}' is {found.dtype} of shape {found.shape}, expected {expected.dtype} of ({shape})")
+    return Samples(*(arrays[name] for name in ARRAYS))
 
 
 def joined(parts: Sequence[Samples]) -> Samples:

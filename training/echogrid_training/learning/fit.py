@@ -14,7 +14,7 @@ import numpy as np
 from echogrid.core.evidence.history_raster import Bytes
 from echogrid.core.map.look_map import Calibration
 from echogrid.errors import EchogridError
-from echogrid_training.learning.dataset import Samples, find_drives, load_drives, split
+from echogrid_training.learning.dataset import Samples, find_drives, joined, load_drives, read_samples, split
 from echogrid_training.learning.map_calibration import calibrate_map
 from echogrid_training.recording import Track, untracked
 
@@ -25,6 +25,14 @@ MAPPED = 8  # held-out drives that the map is calibrated on
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """What `run` reads."""
     parser.add_argument("--drives", type=Path, required=True, metavar="DIR", help="simulated drives to learn from; one town in 8 validates")
+    parser.add_argument(
+        "--samples",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="FILE.npz",
+        help="more samples to learn from, made elsewhere (docs/simulator.md)",
+    )
     parser.add_argument("--test", type=Path, metavar="DIR", help="simulated drives of other towns, to report errors on")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="for log, checkpoint and ONNX files")
     parser.add_argument("--network", choices=("default", "paper"), default="default", help="(default: default)")
@@ -68,6 +76,7 @@ def run(options: argparse.Namespace, track: Track = untracked) -> str:
 
     learned, held_out = split(find_drives(options.drives))
     samples, validation = (load_drives(drives, track, disturbed=True, workers=options.workers) for drives in (learned, held_out))
+    samples = joined([samples, *map(read_samples, options.samples)])
     chosen: dict[str, Any] = {} if options.epochs is None else {"epochs": options.epochs}
     chosen |= {"labels": options.labels, "l2": options.l2}
     if options.start is not None:
