@@ -280,7 +280,7 @@ def test_check_praises_a_whole_log_and_blames_a_holey_one(drive: Path, tmp_path:
 
 
 def test_learned_first_a_stop_at_the_end_straightens_the_whole_way(tmp_path: Path) -> None:
-    """A gyro that shows 1°/s too much, and a stop that only comes when all is driven: what it tells helps from the start on, twice alike."""
+    """A gyro that shows 1°/s too much, and a stop when all is driven: what that tells helps from the start on, twice alike."""
     seconds, speed, bias = 12.0, 6.0, np.radians(1.0)
     wall = world.standing([(x * 0.3, 6.0) for x in range(-20, 300)])
     driven = world.record(world.straight(speed), [wall], seconds)

@@ -152,12 +152,34 @@ def test_poses_that_stay_elsewhere_are_believed_after_a_second() -> None:
     assert frame.counts.jumped == 10
     ((name, why),) = seen
     assert name == "jumping"
-    assert why.startswith("jumps by 1")
+    assert float(why.removesuffix(" m off dead reckoning")) == pytest.approx(12.0, abs=1.0)
     at = {n: (told @ ours, true_pose(n)) for n, ours, told in found if told is not None}
     off = {n: (here.x - true.x, here.y - true.y) for n, (here, true) in at.items()}
     assert off[995] == pytest.approx((0.0, 0.0), abs=1e-6)
     assert off[1045] == pytest.approx((0.0, 0.0), abs=0.5)  # not yet, but dead reckoning has drifted
     assert off[1055] == pytest.approx((12.0, 0.0), abs=1e-6)
+
+
+@pytest.mark.parametrize("every", [1, 5, 50])
+def test_a_receiver_that_stands_while_the_car_drives_is_not_believed(every: int) -> None:
+    """However often it says so: each pose differs from the last by less than any noise."""
+    begin, end = 1000, 1300
+
+    def stands(n: int, fix: PoseFix) -> list[PoseFix]:
+        true = true_pose(min(n, begin))
+        return [PoseFix(fix.stamp_ns, true.x, true.y, fix.yaw_ns, true.yaw)]
+
+    frame = MapFrame(IDENTITY, PoseHealth())
+    odometry, found = drive(frame, stands, every=every, until=end)
+    off = []
+    for n, ours, told in found:
+        if told is not None:
+            here, true = told @ ours, true_pose(n)
+            off.append(math.hypot(here.x - true.x, here.y - true.y))
+    assert max(off) < 4.5  # what it takes to notice, and the drift of six seconds
+    assert frame.counts.moved == 0
+    assert frame.counts.jumped > 250 / every - 2
+    assert frame.state(odometry.states[-1].stamp_ns)[0] == "jumping"
 
 
 @pytest.mark.parametrize("silent", [1.5, 20.0])

@@ -16,7 +16,9 @@ STATES = ("ok", "waiting", "jumping", "silent")
 MOST_WAITING = 256  # poses that dead reckoning has not come to yet
 AHEAD_NS = 1_000_000_000  # a pose that is newer than the car's own motion by more is of another clock
 SILENT_NS = 1_000_000_000
-BELIEVED_NS = 1_000_000_000  # poses that disagree with dead reckoning, but not with each other, for so long are believed
+BELIEVED_NS = 1_000_000_000  # poses that lie elsewhere, but go with dead reckoning from there on, for so long are believed
+WAY, STOOD = 5.0, 0.5  # m over which poses have to go with dead reckoning; a car that drives less stands, and need not go so far
+STEP = 0.5  # m between two poses that are kept
 FAR, FAR_PER_M = 2.0, 0.05  # m, and m per metre driven between two poses: dead reckoning drifts by no more
 TURNED, TURNED_PER_S = math.radians(5.0), math.radians(1.0)  # rad, and rad/s
 
@@ -31,7 +33,7 @@ class _Told:
 
 
 class MapFrame:
-    """Remembers the last pose that was believed, and one that was not.
+    """Remembers the poses of the last metres that were believed, and those that were not.
 
     Every pose places odom anew: map_from_base @ inverse(odom_from_base), both at the pose's own time. Nothing is smoothed, and nothing in
     odom moves. A pose waits until dead reckoning has come to its time.
@@ -48,8 +50,9 @@ class MapFrame:
         self._waiting: deque[PoseFix] = deque(maxlen=MOST_WAITING)
         self._newest_ns: int | None = None  # of those that could be placed
         self._last: _Told | None = None
+        self._way: deque[_Told] = deque()  # of those believed before, one in STEP: the first is the newest that is WAY behind, if one is
         self._other: _Told | None = None  # the newest that was not believed
-        self._other_since_ns = 0  # since when such poses agree with each other
+        self._others: _Told | None = None  # the first of those that go together with it
         self._off = 0.0  # m by which it is off
         self._clock = ""  # what is wrong with the times of poses
         self._before = asdict(self.counts)  # when the last one was believed
@@ -83,7 +86,7 @@ class MapFrame:
         if self._last is None:
             return "waiting", f"none in this map so far{self._why()}"
         if self._other is not None and now_ns - self._other.stamp_ns <= SILENT_NS:
-            return "jumping", f"jumps by {self._off:.1f} m"
+            return "jumping", f"{self._off:.1f} m off dead reckoning"
         age_ns = now_ns - self._last.stamp_ns
         return ("silent", f"none for {age_ns * NS:.1f} s{self._why()}") if age_ns > SILENT_NS else ("ok", "")
 
@@ -107,22 +110,28 @@ class MapFrame:
         yaw = math.remainder(fix.yaw - self.base_from_point.yaw - turned.odom_from_base.yaw, math.tau)
         turn = SE2(0.0, 0.0, yaw) @ point
         told = _Told(fix.stamp_ns, odometry.distance, SE2(fix.x - turn.x, fix.y - turn.y, yaw))
-        if self._last is None or _agree(self._last, told, point):
+        if self._last is None or _agree(self._way[0], told, point):
             self._believe(told)
             return
-        if self._other is None or not _agree(self._other, told, point):
-            self._other_since_ns = told.stamp_ns
+        if self._others is None or not _agree(self._others, told, point):
+            self._others = told
         self._other, self._off = told, _apart(self._last, told, point)
-        if told.stamp_ns - self._other_since_ns < BELIEVED_NS:
+        driven = told.driven - self._others.driven
+        if told.stamp_ns - self._others.stamp_ns >= BELIEVED_NS and not STOOD < driven < WAY:
+            self.counts.moved += 1
+            self._way.clear()
+            self._believe(told)
+        else:
             self.counts.jumped += 1
-            return
-        self.counts.moved += 1
-        self._believe(told)
 
     def _believe(self, told: _Told) -> None:
         self.counts.taken += 1
-        self._last, self._other, self._clock = told, None, ""
+        self._last, self._other, self._others, self._clock = told, None, None, ""
         self._before = asdict(self.counts)
+        if not self._way or told.driven - self._way[-1].driven >= STEP:
+            self._way.append(told)
+        while len(self._way) > 1 and told.driven - self._way[1].driven >= WAY:
+            self._way.popleft()
 
 
 def _apart(one: _Told, other: _Told, point: SE2) -> float:
