@@ -222,3 +222,22 @@ def test_another_map_begins_without_a_frame() -> None:
     frame.add(PoseFix(10**10, 1.0, 2.0, 10**10, 0.0))
     frame.settle(odometry)
     assert frame.map_from_odom is None
+
+
+def test_of_a_car_that_stood_for_minutes_a_jump_is_still_one() -> None:
+    """Dead reckoning does not drift while the wheels stand; a pose 3 m off, or turned by 10°, is no more likely than before."""
+    for x, yaw in ((3.0, 0.0), (0.0, math.radians(10.0))):
+        frame, odometry = MapFrame(IDENTITY, PoseHealth()), Odometry(ErrorFilter((), "never"))
+        for n in range(2000):
+            stamp_ns, speed = n * 100_000_000, 5.0 if n < 100 else 0.0
+            odometry.add(Speed(stamp_ns, speed))
+            odometry.add(YawRate(stamp_ns, 0.0))
+            place = odometry.states[-1].odom_from_base
+            frame.add(PoseFix(stamp_ns, place.x, place.y, stamp_ns, place.yaw))
+            frame.settle(odometry)
+        assert frame.counts.jumped == 0
+        stamp_ns += 50_000_000
+        odometry.add(Speed(stamp_ns, 0.0))
+        frame.add(PoseFix(stamp_ns - 1, place.x + x, place.y, stamp_ns - 1, place.yaw + yaw))
+        frame.settle(odometry)
+        assert frame.counts.jumped == 1

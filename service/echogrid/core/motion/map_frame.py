@@ -29,6 +29,7 @@ class _Told:
 
     stamp_ns: int
     driven: float  # m, by the car until then
+    seconds: float  # in which it drove: while it stands, dead reckoning does not drift
     map_from_odom: SE2
 
 
@@ -109,15 +110,17 @@ class MapFrame:
         point = ego.odom_from_base @ self.base_from_point
         yaw = math.remainder(fix.yaw - self.base_from_point.yaw - turned.odom_from_base.yaw, math.tau)
         turn = SE2(0.0, 0.0, yaw) @ point
-        told = _Told(fix.stamp_ns, odometry.distance, SE2(fix.x - turn.x, fix.y - turn.y, yaw))
+        before, driven = self._other or self._last, odometry.distance
+        seconds = 0.0 if before is None else before.seconds + (fix.stamp_ns - before.stamp_ns) * NS * (driven > before.driven)
+        told = _Told(fix.stamp_ns, driven, seconds, SE2(fix.x - turn.x, fix.y - turn.y, yaw))
         if self._last is None or _agree(self._way[0], told, point):
             self._believe(told)
             return
         if self._others is None or not _agree(self._others, told, point):
             self._others = told
         self._other, self._off = told, _apart(self._last, told, point)
-        driven = told.driven - self._others.driven
-        if told.stamp_ns - self._others.stamp_ns >= BELIEVED_NS and not STOOD < driven < WAY:
+        way = told.driven - self._others.driven
+        if told.stamp_ns - self._others.stamp_ns >= BELIEVED_NS and not STOOD < way < WAY:
             self.counts.moved += 1
             self._way.clear()
             self._believe(told)
@@ -143,6 +146,6 @@ def _apart(one: _Told, other: _Told, point: SE2) -> float:
 def _agree(before: _Told, after: _Told, point: SE2) -> bool:
     """Whether dead reckoning may have drifted by so much from one pose to the other."""
     turned = abs(math.remainder(after.map_from_odom.yaw - before.map_from_odom.yaw, math.tau))
-    seconds, metres = (after.stamp_ns - before.stamp_ns) * NS, after.driven - before.driven
+    seconds, metres = after.seconds - before.seconds, after.driven - before.driven
     far = FAR + metres * (FAR_PER_M + TURNED_PER_S * seconds / 2)  # what turns by so much arrives so far beside
     return turned <= TURNED + TURNED_PER_S * seconds and _apart(before, after, point) <= far
