@@ -35,6 +35,7 @@ EXAMPLES = {
     "map import": ("map import map.yaml map.egmap",),
     "map merge": ("map merge all.egmap monday.egmap tuesday.egmap@2:12,-3,90", "map merge all.egmap @list.txt"),
     "demo": ("demo", "demo --model analytic --out out/analytic", "demo --json | jq .state"),
+    "bench": ("bench", "bench --json", "bench drives/monday --model analytic"),
 }
 
 

@@ -1,4 +1,4 @@
-"""The command line: `echogrid run | status | view | replay | check | init | map | demo`; what they do is in `commands`.
+"""The command line: `echogrid run | status | view | replay | check | init | map | demo | bench`; what they do is in `commands`.
 
 A command is imported where it is run: `--help` need not wait for Zenoh and ONNX Runtime.
 """
@@ -142,9 +142,15 @@ def _parser() -> argparse.ArgumentParser:
     demo = commands.add_parser("demo", help="the shipped drive: over a CAN bus, through the service, over Zenoh, to a subscriber")
     demo.add_argument("--out", type=Path, default=Path("out/demo"))
     demo.set_defaults(command=_demo)
-    for command in (replay, check, init, demo):
+
+    bench = commands.add_parser("bench", help="what each part of a map update takes on this machine")
+    bench.add_argument("drive", type=Path, nargs="?", metavar="DRIVE_OR_LOG", help="default: the shipped drive")
+    bench.add_argument("-c", "--config", type=Path, help="default: the drive folder's echogrid.toml")
+    bench.add_argument("--seconds", type=arguments.seconds, default=30.0, metavar="N", help="of the drive (default: 30)")
+    bench.set_defaults(command=_bench)
+    for command in (replay, check, init, demo, bench):
         command.add_argument("--json", action="store_true", help="what is printed as one JSON object")
-    for command in (run, view, replay, demo):
+    for command in (run, view, replay, demo, bench):
         command.add_argument("--model", help="default, paper, analytic, or the path of an .onnx file; otherwise as the configuration says")
     return parser
 
@@ -261,6 +267,12 @@ def _demo(given: argparse.Namespace) -> None:
     from echogrid.commands.demo import command
 
     command(given.out, given.model, as_json=given.json)
+
+
+def _bench(given: argparse.Namespace) -> None:
+    from echogrid.commands.measuring.bench import command
+
+    command(given.drive, given.config, given.model, given.seconds, as_json=given.json)
 
 
 def _map_info(given: argparse.Namespace) -> None:

@@ -16,7 +16,6 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 import cantools
 import numpy as np
@@ -28,8 +27,10 @@ from echogrid.can.decode import BatchDecoder, stack
 from echogrid.can.profile import find, load_radar
 from echogrid.can.radar import RadarReader
 from echogrid.can.signals import bus_of
+from echogrid.commands.measuring.floors import floors
+from echogrid.commands.measuring.loops import paces, seen
+from echogrid.commands.measuring.stages import stages
 from echogrid.config.loading import load_config
-from echogrid.core import mapper as mapper_module
 from echogrid.core.evidence.history import Surroundings
 from echogrid.core.evidence.history_raster import HistoryRaster
 from echogrid.core.evidence.raster import Image
@@ -49,7 +50,6 @@ from echogrid.topics.announcer import Announcer, Snapshots, occupancy_percent
 from echogrid.topics.grids import Grid, encode_grid
 from echogrid_training.drives import campaign
 from echogrid_training.drives.samples import samples
-from tests.bench.kernels import kernels
 from tests.bench.reading import reading
 from tests.support.frames import frame, radar_cycle
 from tests.support.places import ROOT
@@ -106,45 +106,6 @@ def decoding() -> dict[str, float]:
         ),
         "cantools, decoding those 9 frames alone": median_us(lambda: [m.decode(data, decode_choices=False) for m, data in fd_cycle]),
     }
-
-
-def stages() -> dict[str, float]:
-    """Mean time per map update of the demo drive in microseconds with the analytic model, stage by stage, in the service's own run."""
-    drive = find_drive(DEMO, None)
-    config = load_config(drive.config, "analytic")
-    pipeline = Pipeline(config, drive.config)
-    mapper = pipeline.mapper
-    spent: dict[str, float] = {}
-
-    def timed(stage: str, work: Callable[..., Any]) -> Callable[..., Any]:
-        def run(*arguments: Any, **named: Any) -> Any:
-            start = time.thread_time()
-            result = work(*arguments, **named)
-            spent[stage] = spent.get(stage, 0.0) + time.thread_time() - start
-            return result
-
-        return run
-
-    pipeline.signals.add = timed("decode and assemble", pipeline.signals.add)  # type: ignore[method-assign]
-    mapper.infer = timed("rasterise and inverse sensor model", mapper.infer)
-    mapper.map.integrate = timed("integrate", mapper.map.integrate)  # type: ignore[method-assign]
-    mapper.end_cycle = timed("whole update", mapper.end_cycle)  # type: ignore[method-assign]
-    around = timed("window to publish", mapper.map.around)
-    mapper.history.add = timed("history", mapper.history.add)  # type: ignore[method-assign]
-    mapper.history.surroundings = timed("history", mapper.history.surroundings)  # type: ignore[method-assign]
-    gate = {"place, with the gate by range rate": "_place", "trust": "_trusted"}
-    for stage, name in gate.items():
-        setattr(mapper, name, timed(stage, getattr(mapper, name)))
-    with mock.patch.object(mapper_module, "beside_movers", timed("gate beside movers", mapper_module.beside_movers)):
-        for message in Log(drive.log):
-            update = pipeline.add(bus_of(message, config.bus) or "", message)
-            if update is not None:
-                around(update.ego.odom_from_base, config.publish.window_cells)
-    updates = pipeline.health.cycles
-    whole = spent.pop("whole update")
-    inside = sum(spent[stage] for stage in (*gate, "gate beside movers", "history", "rasterise and inverse sensor model", "integrate"))
-    spent["poses, transforms and the rest"] = whole - inside
-    return {stage: seconds / updates * 1e6 for stage, seconds in spent.items()}
 
 
 def models() -> dict[str, float]:
@@ -250,22 +211,28 @@ def main() -> None:
     """All tables."""
     if sys.version_info >= (3, 13):
         sys.exit("make bench: opendbc, beside which decoding is measured, refuses Python 3.13; expected a .venv of Python 3.11 or 3.12")
-    decoders, loops, parts, costs, kept = decoding(), kernels(), stages(), models(), keeping()
+    decoders, costs, kept, best = decoding(), models(), keeping(), floors()
+    drive = find_drive(DEMO, None)
+    loops = paces(seen(drive))
+    parts = {model: stages(drive, model, 60.0) for model in ("default", "analytic")}
     simulation = simulating()
     alone = subprocess.run([sys.executable, "-m", "tests.bench.live", "30"], cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
     running: dict[str, float] = json.loads(alone.stdout)  # of a process that holds nothing else
-    rates = reading(find_drive(DEMO, None).log)
+    rates = reading(drive.log)
     reference = decoders["ours, batch"]
     print("decoding one 64-frame cycle")
     for name, value in decoders.items():
         print(f"  {name:<56}{value:9.1f} us{value / reference:8.1f} x")
     print("loops, on what the demo drive gives them")
-    for name, (compiled_us, numpy_us) in loops.items():
-        print(f"  {name:<56}{compiled_us:9.1f} us{numpy_us:9.1f} us in numpy{compiled_us / numpy_us:8.2f} x")
-    print("one map update of the demo drive")
-    for name, value in parts.items():
-        print(f"  {name:<56}{value:9.1f} us")
-    print(f"  {'sum':<56}{sum(parts.values()):9.1f} us")
+    for name, pace in loops.items():
+        print(f"  {name:<56}{pace.compiled_us:9.1f} us{pace.numpy_us:9.1f} us in numpy{pace.ratio:8.2f} x")
+    for model, found in parts.items():
+        print(f"one map update of the demo drive with its frames, {model}")
+        for name, value in found.per_update_ms.items():
+            print(f"  {name:<56}{value * 1e3:9.1f} us")
+        print(f"  {'whole cycle':<56}{found.cycle_ms * 1e3:9.1f} us")
+        if found.inference_ms is not None:
+            print(f"  {'whole cycle against an inference':<56}{found.cycle_ms / found.inference_ms:9.2f} x")
     print("models and maps, one update")
     analytic = costs[ANALYTIC]
     for name, value in costs.items():
@@ -288,9 +255,10 @@ def main() -> None:
         json.dumps(
             {
                 "decode_us": decoders,
-                "kernels_us": loops,
+                "kernels_us": {name: pace._asdict() for name, pace in loops.items()},
+                "floors": best,
                 "live": running,
-                "update_us": parts,
+                "update_ms": {model: found.per_update_ms for model, found in parts.items()},
                 "models_us": costs,
                 "keep": kept,
                 "simulate": simulation,

@@ -1,0 +1,1 @@
+"""How long does each part take on this machine?"""

@@ -1,0 +1,128 @@
+"""A recording through the service's own chain, with the processor time of each stage. None is counted twice."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from echogrid.can.signals import bus_of
+from echogrid.config.loading import load_config
+from echogrid.logs.drive import Drive
+from echogrid.logs.log import Log
+from echogrid.model.network import OnnxSensorModel
+from echogrid.pipeline import Pipeline
+from echogrid.topics.announcer import Announcer, Snapshots
+
+FRAMES, INFERENCE = "frames to scans and motion", "network"
+WARM = 20  # updates that are not counted
+# Of the mapper: method by method, in the order of an update.
+MAPPER = {
+    "on_motion": "motion to poses",
+    "on_scan": "scans taken in",
+    "end_cycle": "poses, detections, movers and the rest",
+    "_place": "placed, with the gate by range rate",
+    "_trusted": "trust: which radars, which motion",
+    "_beams": "measured, into the tiles",
+    "_looks": "history",
+}
+
+
+class Stopwatch:
+    """Remembers how much processor time each stage took, without the stages that it called, and how often it was called."""
+
+    def __init__(self) -> None:
+        self.spent: dict[str, float] = {}  # s
+        self.calls: dict[str, int] = {}
+        self._inside = [0.0]
+
+    def timed(self, stage: str, work: Callable[..., Any]) -> Callable[..., Any]:
+        """The same work, counted as a stage's."""
+
+        def run(*arguments: Any, **named: Any) -> Any:
+            self._inside.append(0.0)
+            begun = time.thread_time()
+            try:
+                return work(*arguments, **named)
+            finally:
+                took = time.thread_time() - begun
+                own = took - self._inside.pop()
+                self._inside[-1] += took
+                self.spent[stage] = self.spent.get(stage, 0.0) + own
+                self.calls[stage] = self.calls.get(stage, 0) + 1
+
+        return run
+
+    def on(self, owner: object, **stages: str) -> None:
+        """Methods of an object, by name, as stages'."""
+        for name, stage in stages.items():
+            setattr(owner, name, self.timed(stage, getattr(owner, name)))
+
+    def clear(self) -> None:
+        """From here on."""
+        self.spent.clear()
+        self.calls.clear()
+
+
+@dataclass(frozen=True, slots=True)
+class Stages:
+    """Means of the map updates of a drive, in ms of processor time."""
+
+    model: str  # which one ran, and why
+    updates: int
+    rate_hz: float  # updates of a second of the drive
+    per_update_ms: dict[str, float]  # stage by stage; in all, a whole cycle with its frames and what of publishing falls to it
+    inference_ms: float | None  # of one run of the network; None where none runs
+
+    @property
+    def cycle_ms(self) -> float:
+        """The whole of an update."""
+        return sum(self.per_update_ms.values())
+
+
+def stages(
+    drive: Drive, model: str | None, seconds: float, on_progress: Callable[[float], None] | None = None, *, publishing: bool = True
+) -> Stages:
+    """The first seconds of a drive, as the service maps and, if `publishing`, encodes them. Raises EchogridError for an unreadable one."""
+    config = load_config(drive.config, model)
+    pipeline, watch = Pipeline(config, drive.config), Stopwatch()
+    mapper, infer = pipeline.mapper, pipeline.model.infer
+    watch.on(pipeline.signals, add=FRAMES)
+    watch.on(mapper, **MAPPER)
+    watch.on(mapper.doppler, add="errors of wheels and mounts, by Doppler")
+    watch.on(mapper.history, add="history", surroundings="history")
+    watch.on(mapper.map, takes="measured, into the tiles", measure="measured, into the tiles", integrate="answer into the tiles")
+    if isinstance(infer, OnnxSensorModel):
+        watch.on(infer, draw="planes for the network", _output=INFERENCE, answer="answer as odds")
+    else:
+        watch.on(mapper, infer="raster and model")
+    snapshots, announcer = Snapshots(), Announcer(config, pipeline.model.why)
+    take = watch.timed("window to publish", snapshots.take)
+    encode = watch.timed("messages to publish", lambda snapshot: list(announcer.map(snapshot)))
+    first = last = 0.0
+    updates = 0
+    for message in Log(drive.log):
+        update = pipeline.add(bus_of(message, config.bus) or "", message)
+        if update is None:
+            continue
+        updates += 1
+        if publishing and (snapshot := take(mapper, update, config.publish)) is not None:
+            encode(snapshot)
+        if updates == WARM:
+            watch.clear()
+            first = message.timestamp
+        last = message.timestamp
+        if on_progress is not None:
+            on_progress(min((last - first) / seconds, 1.0) if first else 0.0)
+        if first and last - first > seconds:
+            break
+    counted = max(updates - WARM, 1)
+    runs = watch.calls.get(INFERENCE, 0)
+    return Stages(
+        model=pipeline.model.why,
+        updates=counted,
+        rate_hz=counted / max(last - first, 1e-3),
+        per_update_ms={stage: spent / counted * 1e3 for stage, spent in sorted(watch.spent.items(), key=lambda item: -item[1])},
+        inference_ms=watch.spent[INFERENCE] / runs * 1e3 if runs else None,
+    )
