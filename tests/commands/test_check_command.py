@@ -85,7 +85,7 @@ def test_what_cannot_be_read_is_one_sentence(mirrored: tuple[Path, Path], tmp_pa
     for arguments, said in (
         (("-c", config, tmp_path / "none.log"), "none.log"),
         (("-c", tmp_path / "none.toml", tmp_path / "none.log"), "none.toml"),
-        (("-c", config, "--json"), "--json, --fix-out and --report need a LOG"),
+        (("-c", config, "--report", "a.html"), "--fix-out and --report need a LOG"),
     ):
         done = echogrid("check", *arguments)
         assert done.returncode == 1

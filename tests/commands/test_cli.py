@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import re
 import shlex
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.support.places import DOCS
+from tests.support.places import DEMO, DOCS
 from tests.support.program import echogrid
 from tests.support.waiting import PATIENCE
 
-from echogrid.arguments import EXAMPLES
+from echogrid import cli
 from echogrid.cli import _parser
 from echogrid.maps.dense_map import write_npz
 from echogrid.maps.picture import text
+from echogrid_training import cli as training
 
 
 @pytest.mark.parametrize(
@@ -28,6 +31,9 @@ from echogrid.maps.picture import text
         (("map", "exprot"), "did you mean 'export'?"),
         (("--log-level", "warn", "demo"), "did you mean 'warning'?"),
         (("map", "export", "a", "b", "--format", "pgn"), "did you mean 'png'?"),
+        (("replay", "a", "--relatime"), "did you mean '--realtime'?"),
+        (("replay", "a", "--modle", "paper"), "did you mean '--model'?"),  # and not the --mode of another command
+        (("map", "export", "a", "b", "--modle", "raw"), "did you mean '--mode'?"),
     ],
 )
 def test_a_word_that_is_nearly_one_is_guessed(arguments: tuple[str, ...], guess: str) -> None:
@@ -38,6 +44,19 @@ def test_a_word_that_is_nearly_one_is_guessed(arguments: tuple[str, ...], guess:
 
 def test_a_word_that_is_near_nothing_is_not_guessed() -> None:
     assert "did you mean" not in echogrid("xyzzy").stderr
+
+
+def test_a_model_that_is_nearly_one_is_guessed(tmp_path: Path) -> None:
+    done = echogrid("replay", DEMO, "--model", "papr", "--out", tmp_path)
+    assert done.returncode == 1
+    assert done.stderr.strip().endswith("did you mean 'paper'?")
+
+
+def test_training_guesses_too(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments, guess in ((["simulat"], "simulate"), (["fit", "--drivs", "x"], "--drives"), (["evaluate", "sm"], "sim")):
+        with pytest.raises(SystemExit, match="2"):
+            training.main(arguments)
+        assert capsys.readouterr().err.strip().endswith(f"did you mean '{guess}'?")
 
 
 def test_files_that_are_nearly_there_are_guessed(tmp_path: Path) -> None:
@@ -55,17 +74,42 @@ def test_files_that_are_nearly_there_are_guessed(tmp_path: Path) -> None:
         assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("example", [example for examples in EXAMPLES.values() for example in examples])
-def test_every_example_can_be_typed(example: str) -> None:
+PARSERS = {"echogrid": cli._parser, "echogrid-train": training._parser}
+
+
+def parsers(parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    """By the words that lead to them, all that take words of their own or none."""
+    yield parser.prog.partition(" ")[2], parser
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for below in action.choices.values():
+                yield from parsers(below)
+
+
+@pytest.mark.parametrize(
+    ("program", "example"),
+    [(program, example) for program, made in PARSERS.items() for examples in made().examples.values() for example in examples],
+)
+def test_every_example_can_be_typed(program: str, example: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "list.txt").write_text("monday.egmap\ntuesday.egmap\n")
+    monkeypatch.chdir(tmp_path)
     command = example.partition(" | ")[0]
-    assert _parser().parse_args(shlex.split(command)).command is not None
+    assert PARSERS[program]().parse_args(shlex.split(command)).command is not None
 
 
-def test_every_command_has_examples_and_is_in_the_table(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("program", PARSERS)
+def test_every_help_ends_with_examples_of_that_command(program: str) -> None:
+    for command, parser in parsers(PARSERS[program]()):
+        said = parser.format_help().partition("\nexamples:\n")[2].splitlines()
+        assert said, command
+        assert all(line.startswith(f"  {program} {command}".rstrip() + " ") or line == f"  {program} {command}" for line in said), command
+
+
+def test_every_command_is_in_the_table(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         _parser().parse_args(["--help"])
     commands = re.findall(r"^    (\w+) ", capsys.readouterr().out, re.MULTILINE)
-    assert set(commands) == set(EXAMPLES)
+    assert set(commands) == {command for command, _ in parsers(_parser()) if command and " " not in command}
     rows = re.findall(r"^\| `(\w+)` \|", (DOCS / "commands.md").read_text(), re.MULTILINE)
     assert set(rows) == set(commands)
 

@@ -112,9 +112,11 @@ def test_an_installed_wheel_runs_the_demo(compiled: Path, tmp_path: Path) -> Non
     (place / "libraries.pth").write_text("\n".join(path for path in sys.path if path.endswith("-packages")) + "\n")
     assert run(python, "-c", "import echogrid; print(echogrid.__file__)").stdout.startswith(str(place))
     assert run(home / "bin" / "echogrid", "--version").stdout == f"echogrid {version()}\n"
-    done = run(home / "bin" / "echogrid", "demo")
+    done = run(home / "bin" / "echogrid", "demo", "--json")
     assert done.returncode == 0, done.stderr
-    summary = json.loads((tmp_path / "out" / "demo" / "summary.json").read_text())
+    summary = json.loads(done.stdout)
+    assert summary.pop("out") == "out/demo"
+    assert summary == json.loads((tmp_path / "out" / "demo" / "summary.json").read_text())
     assert summary["cycles"] > 700
     assert summary["not_to_be_trusted"] is None
     assert "compiled" in summary["kernels"]
