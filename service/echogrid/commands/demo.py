@@ -21,7 +21,7 @@ import numpy as np
 from echogrid.can.signals import bus_of
 from echogrid.client import Client, Window
 from echogrid.commands.recorder import Recorder, report
-from echogrid.commands.terminal import progress, show_map
+from echogrid.commands.terminal import part, progress, show_map
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
 from echogrid.core.evidence.raster import rasterize
@@ -36,6 +36,7 @@ from echogrid.maps.picture import Panel, draw, side_by_side
 from echogrid.pipeline import Pipeline
 
 PATIENCE = 20.0  # s
+DRIVEN = 0.75  # of the whole: what comes after is the picture beside the others
 
 
 def command(out: Path, model: str | None, *, as_json: bool) -> None:
@@ -60,8 +61,9 @@ def demo(out: Path, model: str | None = None, on_progress: Callable[[float], Non
     pipeline = Pipeline(config, drive.config)
     recorder = Recorder(pipeline)
     service = Service(pipeline, recorder.add)
+    advance = on_progress or (lambda _: None)
     out.mkdir(parents=True, exist_ok=True)
-    helper = threading.Thread(target=_play_and_watch, args=(service, drive.log, out, on_progress), name="player")
+    helper = threading.Thread(target=_play_and_watch, args=(service, drive.log, out, part(advance, 0.0, DRIVEN)), name="player")
     helper.start()
     try:
         service.run()
@@ -71,19 +73,21 @@ def demo(out: Path, model: str | None = None, on_progress: Callable[[float], Non
     truth = load_truth(drive.truth)
     summary = recorder.write(out, truth)
     if truth is not None and truth.map is not None:
-        compare(recorder, drive, truth.map, out)
+        compare(recorder, drive, truth.map, out, part(advance, DRIVEN, 1.0))
     return summary
 
 
-def compare(recorder: Recorder, drive: Drive, truth: TrueMap, out: Path) -> None:
+def compare(recorder: Recorder, drive: Drive, truth: TrueMap, out: Path, on_progress: Callable[[float], None]) -> None:
     """side_by_side.png: all static detections, the analytic map, the map that the service made, and the truth."""
     config = load_config(drive.config, "analytic")
     pipeline = Pipeline(config, drive.config)
     spec = config.grid.spec()
     detections = OccupancyMap(spec)
-    for message in Log(drive.log):
+    log = Log(drive.log)
+    for message in log:
         update = pipeline.add(bus_of(message, config.bus) or "", message)
         if update is not None:
+            on_progress(log.progress)
             detections.integrate((rasterize(update.static_points, spec) > 0)[0] * np.float32(2), update.ego.odom_from_base)
     maps = (("static detections", detections), ("analytic model", pipeline.mapper.map), ("echogrid", recorder.pipeline.mapper.map))
     panels = []
@@ -107,7 +111,7 @@ def _free_port() -> int:
         return port
 
 
-def _play_and_watch(service: Service, log: Path, out: Path, on_progress: Callable[[float], None] | None) -> None:
+def _play_and_watch(service: Service, log: Path, out: Path, on_progress: Callable[[float], None]) -> None:
     """Starts the subscriber, plays the log when it is connected, and ends the service when all is mapped."""
     config = service.config
     try:

@@ -10,7 +10,7 @@ from typing import Any
 
 from echogrid.can.dbc import Dbc
 from echogrid.commands.judged import Report, check_log
-from echogrid.commands.terminal import progress
+from echogrid.commands.terminal import part, progress
 from echogrid.config.loading import load_config
 from echogrid.errors import EchogridError
 from echogrid.files import whole
@@ -21,6 +21,7 @@ from echogrid.surveying.senders import Source
 from echogrid.surveying.survey import Survey, survey
 
 ROUNDS = 3  # of checking and mending
+HEARD = 0.25  # of the whole: reading it the first time
 CONFIDENT = 0.8
 # What a check may mend here: the rest needs a person.
 MENDED = frozenset(
@@ -40,10 +41,10 @@ def command(log: Path, dbcs: Sequence[Path], out: Path, *, force: bool, as_json:
         raise EchogridError(f"{out}: is there already; give another --out, or --force to replace it")
     sources = [Source(path, Dbc(path, path).database) for path in dbcs]
     with progress(f"init {log.name}") as advance:
-        heard, torn = _heard(log, advance)
+        heard, torn = _heard(log, part(advance, 0.0, HEARD))
         found = survey(heard.channels, sources)
         proposal = propose(found, log, out.parent, out.stem)
-        report = _mended(proposal, log) if proposal.motion is not None and proposal.radars else None
+        report = _mended(proposal, log, part(advance, HEARD, 1.0)) if proposal.motion is not None and proposal.radars else None
     texts = proposal.files(out.name, out.parent)
     there = [name for name in texts if (out.parent / name).exists()]
     if there and not force:
@@ -62,15 +63,14 @@ def command(log: Path, dbcs: Sequence[Path], out: Path, *, force: bool, as_json:
     return accepted
 
 
-def _heard(log: Path, advance: Callable[[float], None] | None) -> tuple[Heard, EchogridError | None]:
+def _heard(log: Path, advance: Callable[[float], None]) -> tuple[Heard, EchogridError | None]:
     """All that can be read, and what is wrong with the file."""
     heard, recording = Heard(), Log(log)
     try:
         for batch in recording.batches():
             for message in batch:
                 heard.add(message)
-            if advance is not None:
-                advance(recording.progress)
+            advance(recording.progress)
     except EchogridError as error:
         if not recording.messages:
             raise
@@ -78,14 +78,15 @@ def _heard(log: Path, advance: Callable[[float], None] | None) -> tuple[Heard, E
     return heard, None
 
 
-def _mended(proposal: Proposal, log: Path) -> Report:
+def _mended(proposal: Proposal, log: Path, advance: Callable[[float], None]) -> Report:
     """What a check says of the proposal once it has been mended by what a check says."""
-    for last in (False,) * (ROUNDS - 1) + (True,):
+    for number in range(ROUNDS):
+        last = number == ROUNDS - 1
         with tempfile.TemporaryDirectory(prefix="echogrid-") as folder:
             for name, text in proposal.files("echogrid.toml", Path(folder)).items():
                 (Path(folder) / name).write_text(text)
             source = Path(folder) / "echogrid.toml"
-            report = check_log(load_config(source), source, log)
+            report = check_log(load_config(source), source, log, part(advance, number / ROUNDS, (number + 1) / ROUNDS))
         fixes = [
             (finding, fix)
             for finding, fix in zip(report.findings, report.fixes, strict=True)

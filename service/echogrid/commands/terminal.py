@@ -61,6 +61,11 @@ def progress(title: str) -> Iterator[Callable[[float], None]]:
         yield lambda share: bar.update(task, completed=share)
 
 
+def part(advance: Callable[[float], None], begin: float, end: float) -> Callable[[float], None]:
+    """The same bar for a part of the work, from one share of the whole to another."""
+    return lambda share: advance(begin + share * (end - begin))
+
+
 class Lines:
     """Remembers when the next line is due."""
 
