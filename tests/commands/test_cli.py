@@ -53,7 +53,11 @@ def test_a_model_that_is_nearly_one_is_guessed(tmp_path: Path) -> None:
 
 
 def test_training_guesses_too(capsys: pytest.CaptureFixture[str]) -> None:
-    for arguments, guess in ((["simulat"], "simulate"), (["fit", "--drives", "x", "--out", "y", "--tset", "z"], "--test"), (["evaluate", "sm"], "sim")):
+    for arguments, guess in (
+        (["simulat"], "simulate"),
+        (["fit", "--drives", "x", "--out", "y", "--tset", "z"], "--test"),
+        (["evaluate", "sm"], "sim"),
+    ):
         with pytest.raises(SystemExit, match="2"):
             training.main(arguments)
         assert capsys.readouterr().err.strip().endswith(f"did you mean '{guess}'?")
