@@ -67,17 +67,18 @@ def test_a_service_that_is_well(endpoint: str) -> None:
         "recording failed, 44 MiB: No space left on device",
         'model     default.onnx: "float" is\\as fast here',
         "kernels   compiled",
+        "pose      silent: none for 1.4 s, odom at 51.25, -52.50 m, 53.75°, 54 taken",
         *(line for line in shown if line.startswith(("radar", "bus", "counters"))),
     ]
-    assert [line.split()[:2] for line in shown[9:-1]] == [
+    assert [line.split()[:2] for line in shown[10:-1]] == [
         ["radar", "front_left"],
         ["radar", "rear_right"],
         ["bus", "chassis"],
         ["bus", "radars"],
     ]
-    assert shown[9].startswith("radar     front_left  100 complete, 101 incomplete, 102 late, ")
-    assert shown[11].startswith("bus       chassis  10 frames, ")
-    assert shown[12].startswith("bus       radars   down, 20 frames, ")
+    assert shown[10].startswith("radar     front_left  100 complete, 101 incomplete, 102 late, ")
+    assert shown[12].startswith("bus       chassis  10 frames, ")
+    assert shown[13].startswith("bus       radars   down, 20 frames, ")
     assert "7 dropped frames" in shown[-1]
 
 

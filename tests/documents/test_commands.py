@@ -39,7 +39,6 @@ NOT_RUN = {
     r"python examples/": "is run with what it needs: tests/documents/test_examples.py",
     r"make\b": "is what runs these tests; that its target is there is looked up",
     r"(pip install|python3 -m venv)\b": "tests install nothing; that an extra is there is looked up",
-    r"echogrid demo\b": "plays a whole drive: tests/release/test_packages.py",
     r"dask\b": "wants a cluster: tests/maps/test_merge.py",
     r"source\b": "is for the shell of a person",
     r"(sudo|sudoedit|systemctl|networkctl|journalctl|ip|apt|candump|cd /usr)\b": "asks or changes the machine: tests/rig, in a guest",

@@ -56,3 +56,11 @@ def test_a_network_that_holds_a_cell_for_occupied_is_believed_until_beams_passed
     assert read(0.5) > 0
     assert read(0.5, passes=2) > 0
     assert read(6.0, passes=60) < 0
+
+
+def test_it_does_not_matter_how_the_layers_lie_in_memory() -> None:
+    layers = np.random.default_rng(3).uniform(0, 3, (5, 7, 9)).astype(np.float32)
+    expected = read_out(layers)
+    assert np.array_equal(read_out(layers.transpose(0, 2, 1)), expected.T)
+    assert np.array_equal(read_out(np.asfortranarray(layers)), expected)
+    assert np.array_equal(read_out(layers[:, ::2, ::-1]), expected[::2, ::-1])

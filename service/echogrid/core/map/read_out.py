@@ -29,6 +29,8 @@ def read_out(layers: Layers, gain: float = 1.0, offset: float = 0.0) -> LogOdds:
     `gain` and `offset` calibrate the mean of the network's log-odds.
     """
     flat = layers if layers.ndim == 3 else layers.reshape(len(layers), 1, -1)
+    if flat.strides[-1] != flat.itemsize:  # the loop walks along rows
+        flat = np.ascontiguousarray(flat)
     out = np.empty(flat.shape[1:], dtype=np.float32)
     loops.read_out(
         flat,
