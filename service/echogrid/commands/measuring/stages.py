@@ -15,6 +15,7 @@ from echogrid.model.network import OnnxSensorModel
 from echogrid.pipeline import Pipeline
 from echogrid.topics.announcer import Announcer, Snapshots
 
+Clock = Callable[[], float]
 FRAMES, INFERENCE = "frames to scans and motion", "network"
 WARM = 20  # updates that are not counted
 # Of the mapper: method by method, in the order of an update.
@@ -30,9 +31,13 @@ MAPPER = {
 
 
 class Stopwatch:
-    """Remembers how much processor time each stage took, without the stages that it called, and how often it was called."""
+    """Remembers how much processor time each stage took, without the stages that it called, and how often it was called.
 
-    def __init__(self) -> None:
+    `clock` may count something else than seconds of this thread.
+    """
+
+    def __init__(self, clock: Clock | None = None) -> None:
+        self.clock = clock or time.thread_time
         self.spent: dict[str, float] = {}  # s
         self.calls: dict[str, int] = {}
         self._inside = [0.0]
@@ -42,11 +47,11 @@ class Stopwatch:
 
         def run(*arguments: Any, **named: Any) -> Any:
             self._inside.append(0.0)
-            begun = time.thread_time()
+            begun = self.clock()
             try:
                 return work(*arguments, **named)
             finally:
-                took = time.thread_time() - begun
+                took = self.clock() - begun
                 own = took - self._inside.pop()
                 self._inside[-1] += took
                 self.spent[stage] = self.spent.get(stage, 0.0) + own
@@ -82,11 +87,16 @@ class Stages:
 
 
 def stages(
-    drive: Drive, model: str | None, seconds: float, on_progress: Callable[[float], None] | None = None, *, publishing: bool = True
+    drive: Drive,
+    model: str | None,
+    seconds: float,
+    on_progress: Callable[[float], None] | None = None,
+    *,
+    clock: Clock | None = None,
 ) -> Stages:
-    """The first seconds of a drive, as the service maps and, if `publishing`, encodes them. Raises EchogridError for an unreadable one."""
+    """The first seconds of a drive, as the service maps and encodes them; `clock` as in Stopwatch. Raises EchogridError for an unreadable one."""
     config = load_config(drive.config, model)
-    pipeline, watch = Pipeline(config, drive.config), Stopwatch()
+    pipeline, watch = Pipeline(config, drive.config), Stopwatch(clock)
     mapper, infer = pipeline.mapper, pipeline.model.infer
     watch.on(pipeline.signals, add=FRAMES)
     watch.on(mapper, **MAPPER)
@@ -107,7 +117,7 @@ def stages(
         if update is None:
             continue
         updates += 1
-        if publishing and (snapshot := take(mapper, update, config.publish)) is not None:
+        if (snapshot := take(mapper, update, config.publish)) is not None:
             encode(snapshot)
         if updates == WARM:
             watch.clear()

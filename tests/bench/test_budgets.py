@@ -1,0 +1,119 @@
+"""What an update may cost, stage by stage and loop by loop: what grows beyond its budget fails by name.
+
+No clock on the wall, and no time that other work on the machine could stretch:
+
+- A stage's budget is a number of calls of Python and C functions, which what is interpreted is made of. It is the same in every run, so a
+  growth by GROWTH is seen for certain.
+- A compiled loop's budget is its share of its numpy reference's time on the same arguments, by turns in one run, the least of many. Beside
+  other work on the same core such a share moves by 10 to 45 % (docs/performance.md), so budgets are the highest of many runs.
+"""
+
+from __future__ import annotations
+
+import platform
+import sys
+from types import FrameType
+from typing import Any
+
+import pytest
+
+from echogrid.commands.measuring.loops import Calls, Sample, seen, turned
+from echogrid.commands.measuring.stages import stages
+from echogrid.core.kernels import dispatch, reference
+from echogrid.logs.drive import find_drive
+from tests.support.places import ROOT
+
+DEMO = ROOT / "service" / "echogrid" / "demo_drive"
+GROWTH = 1.15
+TURNS, ROUNDS = 8, 6  # of a loop: a round that is within the budget ends it
+# Calls in an update.
+CALLS: dict[str, float] = {
+    "frames to scans and motion": 1720,
+    "motion to poses": 340,
+    "trust: which radars, which motion": 323,
+    "poses, detections, movers and the rest": 238,
+    "messages to publish": 184,
+    "placed, with the gate by range rate": 157,
+    "history": 151,
+    "scans taken in": 143,
+    "measured, into the tiles": 129,
+    "answer into the tiles": 91,
+    "errors of wheels and mounts, by Doppler": 89,
+    "window to publish": 62,
+    "planes for the network": 48,
+    "network": 18,
+    "answer as odds": 10,
+}
+# Of numpy's time.
+SHARES: dict[str, float] = {
+    "add_clamped": 0.176,
+    "add_look": 0.343,
+    "add_measured": 0.087,
+    "beside": 0.05,
+    "bilinear": 0.164,
+    "common_motion": 0.103,
+    "draw_looks": 0.071,
+    "draw_now": 0.049,
+    "draw_passes": 0.148,
+    "draw_past": 0.206,
+    "elfes": 0.092,
+    "fold": 0.202,
+    "look": 0.097,
+    "moved": 0.163,
+    "nearest": 0.17,
+    "note_view": 0.393,
+    "odds": 0.135,
+    "percent": 0.165,
+    "quantities": 0.039,
+    "read_out": 0.096,
+    "signals": 0.056,
+}
+
+COMPARED = pytest.mark.skipif(
+    not dispatch.COMPILED or platform.machine() != "x86_64",
+    reason="loops are compared where they are compiled, by what they take on x86-64",
+)
+
+
+def test_no_stage_makes_more_calls_than_it_may() -> None:
+    count = 0
+
+    def noted(frame: FrameType, event: str, argument: Any) -> None:
+        nonlocal count
+        count += event in ("call", "c_call")
+
+    sys.setprofile(noted)
+    try:
+        found = stages(find_drive(DEMO, None), "default", 2.0, clock=lambda: float(count)).per_update_ms
+    finally:
+        sys.setprofile(None)
+    calls = {stage: spent / 1e3 for stage, spent in found.items()}
+    assert set(calls) == set(CALLS), calls
+    above = {
+        stage: f"{calls[stage]:.0f} calls, at most {budget * GROWTH:.0f}"
+        for stage, budget in CALLS.items()
+        if calls[stage] > budget * GROWTH
+    }
+    assert not above
+
+
+@pytest.fixture(scope="module")
+def calls() -> Calls:
+    return seen(find_drive(DEMO, None), ("default", "analytic"), Sample(first=40, some=4, every=6))
+
+
+@COMPARED
+@pytest.mark.parametrize("name", SHARES)
+def test_no_loop_takes_more_of_its_reference_than_it_may(name: str, calls: Calls) -> None:
+    shares = []
+    for _ in range(ROUNDS):
+        fast, slow = turned(name, calls[name], (dispatch.loops, reference), TURNS)
+        shares.append(min(fast) / min(slow))
+        if shares[-1] <= SHARES[name] * GROWTH:
+            return
+    pytest.fail(f"{name}: {min(shares):.3f} of numpy's time, at most {SHARES[name] * GROWTH:.3f}")
+
+
+@COMPARED
+def test_every_loop_of_an_update_has_a_budget(calls: Calls) -> None:
+    assert set(SHARES) == set(calls)
