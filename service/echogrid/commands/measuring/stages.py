@@ -94,7 +94,7 @@ def stages(
     *,
     clock: Clock | None = None,
 ) -> Stages:
-    """The first seconds of a drive, as the service maps and encodes them; `clock` as in Stopwatch. Raises EchogridError for an unreadable one."""
+    """The first seconds of a drive, as the service maps and encodes them; `clock` as in Stopwatch. Raises EchogridError."""
     config = load_config(drive.config, model)
     pipeline, watch = Pipeline(config, drive.config), Stopwatch(clock)
     mapper, infer = pipeline.mapper, pipeline.model.infer
