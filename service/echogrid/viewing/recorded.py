@@ -101,7 +101,8 @@ class DriveFeed:
         last, self._counted = self._counted, (stamp_ns, health.cycles, health.frames)
         span = (stamp_ns - last[0]) * 1e-9
         rates = {"map_hz": (health.cycles - last[1]) / span, "frames_hz": (health.frames - last[2]) / span} if last[2] and span > 0 else {}
-        return {"state": state.name, "reasons": state.reasons, "epoch": epoch, "rates": rates, "buses": {}, **asdict(health)}
+        counters = asdict(health) | {"pose": self._pipeline.pose(0)}
+        return {"state": state.name, "reasons": state.reasons, "epoch": epoch, "rates": rates, "buses": {}, **counters}
 
 
 class McapFeed:
