@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import can
+import numpy as np
+from numpy.typing import NDArray
 
-from echogrid.can.signals import SignalReader
+from echogrid.can.intake.frames import FrameBatch
+from echogrid.can.signals import SignalReader, buses_of
 from echogrid.config.tables import Config
 from echogrid.core.health import Health
 from echogrid.core.mapper import Mapper, MapUpdate
@@ -47,16 +51,25 @@ class Pipeline:
 
     def add(self, bus: str, message: can.Message) -> MapUpdate | None:
         """One CAN message of a bus; the map's next state where it ends a cycle."""
-        for item in self.signals.add(bus, message):
-            if isinstance(item, RadarScan):
-                self.mapper.on_scan(item)
-            elif isinstance(item, PoseFix):
-                self.mapper.on_pose(item)
-            else:
-                self.mapper.on_motion(item)
-        if self.signals.newest_ns is None:
-            return None
-        return self.mapper.update(self.signals.newest_ns)
+        return [update for _, update in self.take(FrameBatch.of([message]), np.array([self.signals.number(bus)]))][-1]
+
+    def take(self, batch: FrameBatch, buses: NDArray[np.int64]) -> Iterator[tuple[int, MapUpdate | None]]:
+        """Frames (N,) of buses (N,), by their number in the configuration or UNKNOWN_BUS; cycle by cycle how many of them were taken, and
+        the map's next state where it has changed."""
+        for end, items in self.signals.pieces(batch, buses, self.mapper.span):
+            for item in items:
+                if isinstance(item, RadarScan):
+                    self.mapper.on_scan(item)
+                elif isinstance(item, PoseFix):
+                    self.mapper.on_pose(item)
+                else:
+                    self.mapper.on_motion(item)
+            yield end, None if self.signals.newest_ns is None else self.mapper.update(self.signals.newest_ns)
+
+    def updates(self, batches: Iterable[FrameBatch]) -> Iterator[MapUpdate]:
+        """The map's states that a recording gives, which says itself of which buses its frames are."""
+        for batch in batches:
+            yield from (update for _, update in self.take(batch, buses_of(batch, self.config.bus)) if update is not None)
 
     def keep(self, path: Path, begun_ns: int, lock: threading.Lock) -> TileKeeper:
         """To be called before the first message: tiles are kept in a file, and epochs count on from those in it. Raises EchogridError."""

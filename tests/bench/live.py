@@ -42,7 +42,7 @@ def live(seconds: float) -> dict[str, float]:
     drive = find_drive(DEMO, None)
     config = on_virtual_buses(load_config(drive.config, None))
     pipeline = Pipeline(config, drive.config)
-    service = Service(pipeline, pipeline.add)
+    service = Service(pipeline)
     clock, found = Clock(), dict[str, float]()
 
     def play() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from echogrid.can.signals import AHEAD_FOR, BACK_FOR_NS, TrafficTime
+from echogrid.can.intake.traffic_time import AHEAD_FOR, BACK_FOR_NS, TrafficTime
 
 S, STEP = 1_000_000_000, 5_000_000
 

@@ -13,13 +13,15 @@ from contextlib import suppress
 from pathlib import Path
 
 import can
+import numpy as np
 
 from echogrid.can import radar, signals
 from echogrid.can.dbc import Dbc
+from echogrid.can.intake.frames import FrameBatch
 from echogrid.can.motion import MotionReader
 from echogrid.can.profile import load_motion, load_radar, shipped
 from echogrid.can.radar import RadarReader
-from echogrid.can.signals import SignalReader, bus_of
+from echogrid.can.signals import SignalReader, buses_of
 from echogrid.client import _json
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Motion
@@ -87,12 +89,13 @@ def log(suffix: str) -> Target:
     def run(data: bytes) -> None:
         reader = SignalReader(CONFIG, PATH, Health())
         log = Log(_written(f"a{suffix}", data))
-        number = -1
+        told = 0
         with suppress(EchogridError):
-            for number, message in enumerate(log):
-                reader.add(bus_of(message, CONFIG.bus) or "", message)
-                assert number < LONGEST, "a log without an end"
-        assert log.messages == log.times.frames == number + 1
+            for batch in log.batches():
+                told += len(list(batch))
+                assert [end for end, _ in reader.pieces(batch, buses_of(batch, CONFIG.bus))][-1] == len(batch)
+                assert told < LONGEST, "a log without an end"
+        assert log.messages == log.times.frames == told
         assert log.account.errors + log.account.remote <= log.messages
 
     return run
@@ -101,8 +104,8 @@ def log(suffix: str) -> Target:
 def frames_on_the_bus(data: bytes) -> None:
     """Frames of the ids that are read, as [id, milliseconds since the last, length, payload] over and over, into a map."""
     pipeline = Pipeline(CONFIG, PATH)
-    for message in _frames(data):
-        pipeline.add("can0", message)
+    batch = FrameBatch.of(list(_frames(data)))
+    assert all(end <= len(batch) for end, _ in pipeline.take(batch, np.zeros(len(batch), np.int64)))
     pipeline.mapper.end_cycle()
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from echogrid.can.intake.frames import FrameBatch
 from echogrid.config.loading import load_config
 from echogrid.judging.judge import judge
 from echogrid.judging.listening import Listener
@@ -23,8 +24,7 @@ def recorded() -> Recorded:
     with tempfile.TemporaryDirectory() as folder:
         source = planted.write(Path(folder))
         listener = Listener(load_config(source), source)
-        for message in planted.messages:
-            listener.add(message)
+        listener.take(FrameBatch.of(planted.messages))
     return listener.recorded()
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import can
 import numpy as np
 
+from echogrid.can.intake.frames import FrameBatch
 from echogrid.config.loading import load_config
 from echogrid.judging.finding import Finding
 from echogrid.judging.listening import Listener
@@ -70,8 +71,7 @@ def check(planted: Planted) -> Said:
     with tempfile.TemporaryDirectory() as folder:
         source = planted.write(Path(folder))
         listener = Listener(load_config(source), source)
-        for message in planted.messages:
-            listener.add(message)
+        listener.take(FrameBatch.of(planted.messages))
         _, findings, mender = listener.judged()
         return [(finding, mender.fix(finding)) for finding in findings]
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from tests.logs.test_readers import frames
 from tests.support import recorded
 
-from echogrid.can.frames import Frame
+from echogrid.can.intake.frames import Frame
 from echogrid.core.kernels import reference
 from echogrid.errors import EchogridError
 from echogrid.logs.formats import blf

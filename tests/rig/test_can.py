@@ -17,6 +17,7 @@ import can
 import numpy as np
 import pytest
 
+from echogrid.can.intake.frames import FrameBatch
 from echogrid.can.signals import SignalReader
 from echogrid.client import Client
 from echogrid.commands.recorder import Recorder
@@ -126,8 +127,8 @@ def test_a_drive_gives_the_map_of_the_kernels_own_record(tmp_path: Path) -> None
     assert len(recorded) == len(messages) > len(read)  # the drive has an id that nobody reads
     assert (status["frames"], status["unknown_frames"], status["dropped_frames"]) == (len(read), 0, 0)
     recorder = Recorder(Pipeline(load_config(service.config), service.config))
-    for message in service.read(recorded):
-        recorder.add("radars", message)
+    kept = FrameBatch.of(service.read(recorded))
+    assert all(end <= len(kept) for end, _ in recorder.take(kept, np.full(len(kept), recorder.pipeline.signals.number("radars"))))
     offline = recorder.write(tmp_path / "offline", None)
     assert offline["cycles"] == status["cycles"] > 30  # of 80 or so: where the machine is slow, frames come in heaps
     with TileStore(tmp_path / "map.egmap") as store:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from echogrid.can.database import Message, Ranges, Signal
 from echogrid.core.kernels.dispatch import loops
 
+Payloads = NDArray[np.uint8]  # (N, bytes)
 WORD = 8  # bytes read for a signal
 MARGIN = WORD + 1  # zero bytes after a payload, so that no word leaves the row
 EXACT = 2**53  # integers beyond do not fit a float64

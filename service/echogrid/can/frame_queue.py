@@ -7,52 +7,68 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-import can
+import numpy as np
+from numpy.typing import NDArray
 
-Item = tuple[str, can.Message, float]  # bus, message, time.monotonic() when it was put
+from echogrid.can.intake.frames import FrameBatch
+
+Item = tuple[str, FrameBatch, float]  # bus, frames, time.monotonic() when they were put
 
 
 class FrameQueue:
-    """Thread-safe. `dropped` counts the radar frames that were dropped.
+    """Thread-safe; its length is in frames. `dropped` counts the radar frames that were dropped.
 
     A full queue drops all radar frames of its older half at once: so whole scans are lost, and the others stay whole. Losing one frame at a
     time would spoil every scan. Ego motion is dropped only if it alone fills four queues, which nothing could map: `dropped_motion`.
     """
 
-    def __init__(self, limit: int, is_motion: Callable[[str, can.Message], bool]) -> None:
+    def __init__(self, limit: int, is_motion: Callable[[str, FrameBatch], NDArray[np.bool_]]) -> None:
+        """`is_motion`: which frames (N,) of a bus are."""
         self.limit = limit
         self.is_motion = is_motion
         self.dropped = 0
         self.dropped_motion = 0
         self._items: deque[Item] = deque()
+        self._frames = 0
         self._filled = threading.Condition()
         self._room_at = limit  # length at which room is made
 
     def __len__(self) -> int:
-        return len(self._items)
+        return self._frames
 
-    def put(self, bus: str, message: can.Message) -> None:
+    def put(self, bus: str, batch: FrameBatch) -> None:
         """Never waits."""
         with self._filled:
-            if len(self._items) >= self._room_at:
+            if self._frames >= self._room_at:
                 self._make_room()
-            self._items.append((bus, message, time.monotonic()))
+            self._items.append((bus, batch, time.monotonic()))
+            self._frames += len(batch)
             self._filled.notify()
 
     def get(self, timeout: float) -> Item | None:
-        """The oldest frame; None after `timeout` seconds without one."""
+        """The oldest frames; None after `timeout` seconds without one."""
         with self._filled:
             if not self._items:
                 self._filled.wait(timeout)
-            return self._items.popleft() if self._items else None
+            if not self._items:
+                return None
+            item = self._items.popleft()
+            self._frames -= len(item[1])
+            return item
 
     def _make_room(self) -> None:
-        older = [self._items.popleft() for _ in range((len(self._items) + 1) // 2)]
-        motion = [item for item in older if self.is_motion(item[0], item[1])]
-        self.dropped += len(older) - len(motion)
-        if len(self._items) + len(motion) >= 4 * self.limit:
-            self.dropped_motion += len(motion)
-            motion = []
-        self._items.extendleft(reversed(motion))
+        older, half, count = list[Item](), (self._frames + 1) // 2, 0
+        while count < half:
+            older.append(self._items.popleft())
+            count += len(older[-1][1])
+        motion = [(bus, batch.where(self.is_motion(bus, batch)), put_at) for bus, batch, put_at in older]
+        kept = sum(len(batch) for _, batch, _ in motion)
+        self._frames -= count
+        self.dropped += count - kept
+        if self._frames + kept >= 4 * self.limit:
+            self.dropped_motion += kept
+            motion, kept = [], 0
+        self._items.extendleft(item for item in reversed(motion) if len(item[1]))
+        self._frames += kept
         # Where motion has filled the queue there is nothing to gain by looking through it for every frame.
-        self._room_at = max(self.limit, len(self._items) + self.limit // 2)
+        self._room_at = max(self.limit, self._frames + self.limit // 2)

@@ -10,7 +10,7 @@ import can
 from echogrid.can.cadence import JUMP, Cadence
 from echogrid.can.database import Message
 from echogrid.can.dbc import Checksum, Dbc
-from echogrid.can.decode import SignalLayout
+from echogrid.can.decode import Payloads, SignalLayout, stack
 from echogrid.can.profile import FrameCrc, MotionProfile
 from echogrid.can.quantity import QuantityReader
 from echogrid.config.tables import Motion
@@ -19,6 +19,8 @@ from echogrid.core.messages import EgoMotion, Speed, YawRate
 from echogrid.errors import EchogridError
 
 FrameId = tuple[int, bool]
+Values = tuple[float, float, float]  # rear left and right, yaw rate
+NO_VALUES: Values = (math.nan, math.nan, math.nan)
 CATCH_UP_NS = 250_000_000  # after a jump of time, for frames that waited
 
 
@@ -65,10 +67,26 @@ class MotionReader:
         return set(self.checks)
 
     def add(self, message: can.Message, received_ns: int) -> list[EgoMotion]:
-        """What the frame says of the motion. Raises ValueError for a bad frame, which changes nothing."""
-        frame_id = (message.arbitration_id, message.is_extended_id)
+        """As `read`, of one message."""
+        frame_id, data = (message.arbitration_id, message.is_extended_id), bytes(message.data)
+        length = self.checks[frame_id].length
+        values = self.values(frame_id, stack([data[:length]], length)) if len(data) >= length else [NO_VALUES]
+        return self.read(frame_id, data, received_ns, values[0])
+
+    def values(self, frame_id: FrameId, rows: Payloads) -> list[Values]:
+        """What is in payloads (N, length) of an id: speeds of the rear wheels and the yaw rate, NaN where it has them not."""
+        left = right = yaw_rate = [math.nan] * len(rows)
+        if frame_id == self.wheel_id:
+            left, right = (column.tolist() for column in self.wheels.read(rows).values())
+        if frame_id == self.yaw_id:
+            yaw_rate = self.yaw_rate.read(rows)["yaw_rate"].tolist()
+        return list(zip(left, right, yaw_rate, strict=True))
+
+    def read(self, frame_id: FrameId, data: bytes, received_ns: int, values: Values) -> list[EgoMotion]:
+        """What the frame, with these values in it, says of the motion. Raises ValueError for a bad frame, which changes nothing."""
         check = self.checks[frame_id]
-        payload = check.payload(message)
+        payload = check.payload(data)
+        left, right, yaw_rate = values
         motion: list[EgoMotion] = []
         reverse = self.reverse
         if frame_id == self.direction_id and self.direction is not None and self.profile.direction is not None:
@@ -76,13 +94,10 @@ class MotionReader:
             if raw not in self.profile.direction.unknown:
                 reverse = raw in self.profile.direction.reverse
         if frame_id == self.wheel_id:
-            rear = self.wheels.read([payload])
-            left, right = float(rear["rear_left"][0]), float(rear["rear_right"][0])
             scale = -self.metres_per_unit if reverse else self.metres_per_unit
             motion.append(Speed(received_ns - self.wheel_latency_ns, (left + right) / 2 * scale, difference=(right - left) * scale))
         if frame_id == self.yaw_id:
-            yaw_rate = float(self.yaw_rate.read([payload])["yaw_rate"][0]) - self.yaw_rate_bias
-            motion.append(YawRate(received_ns - self.yaw_latency_ns, yaw_rate))
+            motion.append(YawRate(received_ns - self.yaw_latency_ns, yaw_rate - self.yaw_rate_bias))
         for sample in motion:
             if math.isnan(sample.speed if isinstance(sample, Speed) else sample.yaw_rate):
                 raise ValueError("invalid value")
@@ -110,9 +125,9 @@ class FrameCheck:
         """Frames between the last two, by their counters."""
         return 0 if self.cadence is None else self.cadence.missing
 
-    def payload(self, message: can.Message) -> bytes:
-        """The message's bytes; raises ValueError if they are bad."""
-        payload = bytes(message.data)[: self.length]
+    def payload(self, data: bytes) -> bytes:
+        """The frame's bytes that are read; raises ValueError if they are bad."""
+        payload = data[: self.length]
         if len(payload) < self.length:
             raise ValueError("too short")
         if self.crc is not None and not self.crc.holds(payload):

@@ -7,6 +7,7 @@ import math
 import can
 
 from echogrid.can.dbc import Dbc
+from echogrid.can.decode import stack
 from echogrid.can.motion import FrameCheck, FrameId, id_of
 from echogrid.can.profile import PoseProfile
 from echogrid.can.quantity import QuantityReader
@@ -53,14 +54,17 @@ class PoseReader:
         return set(self.checks)
 
     def add(self, message: can.Message, received_ns: int) -> list[PoseFix]:
+        """As `read`."""
+        return self.read((message.arbitration_id, message.is_extended_id), bytes(message.data), received_ns)
+
+    def read(self, frame_id: FrameId, data: bytes, received_ns: int) -> list[PoseFix]:
         """What the frame says of the pose. Raises ValueError for a bad frame, which changes nothing; values that are none are counted."""
-        frame_id = (message.arbitration_id, message.is_extended_id)
         check = self.checks[frame_id]
-        payload = check.payload(message)
+        payload = check.payload(data)
         check.accept(payload, received_ns)
         found: list[PoseFix] = []
         if frame_id == self.heading_id:
-            yaw = float(self.heading.read([payload])["yaw"][0])
+            yaw = float(self.heading.read(stack([payload], check.length))["yaw"][0])
             self._yaw = (received_ns - self.heading_latency_ns, yaw) if math.isfinite(yaw) else None
             self.counts.invalid += self._yaw is None
         if frame_id == self.place_id:
@@ -72,7 +76,7 @@ class PoseReader:
 
     def _placed(self, payload: bytes) -> tuple[float, float] | None:
         """m in the map frame; None, and counted, where it is nowhere."""
-        values = self.place.read([payload])
+        values = self.place.read(stack([payload], len(payload)))
         first, second = (float(values[name][0]) for name in values)
         place, farthest = (first, second), FARTHEST
         if self.plane is not None:

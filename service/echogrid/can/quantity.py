@@ -9,7 +9,7 @@ import numpy as np
 
 from echogrid.can.database import Message
 from echogrid.can.dbc import Dbc
-from echogrid.can.decode import BatchDecoder, same_layout, stack
+from echogrid.can.decode import BatchDecoder, Payloads, same_layout
 from echogrid.can.profile import Quantity, Valid
 from echogrid.core.kernels.dispatch import loops
 from echogrid.core.messages import Floats
@@ -57,9 +57,10 @@ class QuantityReader:
                     "expected the same for all"
                 )
 
-    def read(self, payloads: Sequence[bytes]) -> dict[str, Floats]:
-        """(N * per_frame,) SI values of each quantity, frame by frame; NaN where it is absurd or not valid, by its own flag or all."""
-        physical, raw, there = self._decoder.decoded(stack(payloads, self._decoder.length))
+    def read(self, payloads: Payloads) -> dict[str, Floats]:
+        """(N * per_frame,) SI values of each quantity of payloads (N, length or more), frame by frame; NaN where it is absurd or not valid,
+        by its own flag or all."""
+        physical, raw, there = self._decoder.decoded(payloads[:, : self._decoder.length])
         out = np.empty((len(self._plan), len(payloads) * self.per_frame))
         loops.quantities(
             physical, raw, there, self.per_frame, self._plan, self._units, self._flags, self._numbers, self._everywhere, GREATEST, out

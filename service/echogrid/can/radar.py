@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import can
 import numpy as np
@@ -11,28 +10,18 @@ import numpy as np
 from echogrid.can.cadence import Cadence
 from echogrid.can.database import Message
 from echogrid.can.dbc import Checksum, Dbc
-from echogrid.can.decode import SignalLayout
+from echogrid.can.decode import Payloads, SignalLayout
 from echogrid.can.profile import Detections, RadarProfile
 from echogrid.can.quantity import QuantityReader, fill
 from echogrid.core.health import SensorHealth
 from echogrid.core.messages import Floats, RadarScan
-from echogrid.core.radar.scan import AssemblyRule, Cycle, CycleFrame, FrameKind, ScanAssembler
+from echogrid.core.radar.scan import NO_FIELD, Assembly, AssemblyRule, Cycle, Field, FrameKind, FrameRole, known_row
 
 FrameId = tuple[int, bool]  # arbitration id, extended
 
 
-@dataclass(frozen=True, slots=True)
-class FrameRole:
-    """What the frames of one id are in a cycle; `kind` None: they carry the measurement age alone."""
-
-    kind: FrameKind | None
-    length: int
-    slot: int | None = None
-    last: bool = False
-
-
 class RadarReader:
-    """Remembers the half-assembled cycle of one radar and the number of the last."""
+    """Remembers the number of the last complete cycle. Frames are put together in an `Assembly`, of one radar or of several."""
 
     def __init__(self, sensor: str, profile: RadarProfile, dbc: Dbc, id_offset: int, health: SensorHealth, latency_ms: float = 0.0) -> None:
         """`latency_ms` is added to the profile's. Raises EchogridError where the profile names what the DBC does not have."""
@@ -40,20 +29,22 @@ class RadarReader:
         self.latency = (profile.latency_ms + latency_ms) * 1e-3  # s
         self.profile = profile
         self.health = health
-        self.layout = _Layout(profile, dbc)
-        self.roles = self.layout.roles(id_offset)
-        self.age_payload: bytes | None = None
-        self.cadence = Cadence(self.layout.cycle.length) if self.layout.cycle is not None else None
-        self.assembler = ScanAssembler(
-            AssemblyRule(
-                ends_with_message=self.layout.ends_with is not None,
-                has_header=profile.header is not None,
-                frames=profile.frames,
-                cycle_bits=profile.detections.cycle_bits,
-                timeout_ns=round(profile.timeout_ms * 1e6),
-            ),
-            health,
+        self.layout = layout = _Layout(profile, dbc)
+        self.roles = layout.roles(id_offset)
+        self.cadence = Cadence(layout.cycle.length) if layout.cycle is not None else None
+        self.rule = AssemblyRule(
+            ends_with_message=layout.ends_with is not None,
+            has_header=profile.header is not None,
+            frames=profile.frames,
+            cycle_bits=profile.detections.cycle_bits,
+            timeout_ns=round(profile.timeout_ms * 1e6),
+            per_frame=profile.detections.per_frame,
+            cycle=_field(layout.cycle),
+            detections_cycle=_field(layout.detections_cycle),
+            page=_field(layout.page),
+            counts=tuple(map(_field, layout.counts)),
         )
+        self._alone = Alone(self)
 
     @property
     def ids(self) -> set[FrameId]:
@@ -62,77 +53,56 @@ class RadarReader:
 
     def add(self, message: can.Message, received_ns: int) -> RadarScan | None:
         """The scan that this frame completes, if any. Raises ValueError for a bad frame."""
-        role = self.roles[message.arbitration_id, message.is_extended_id]
-        payload = bytes(message.data)[: role.length]
-        if len(payload) < role.length:
-            raise ValueError("too short")
-        if role.kind is None:
-            self.age_payload = payload
-            return None
-        cycle = self.assembler.add(self._frame(role, role.kind, payload, received_ns))
-        return None if cycle is None else self._scan(cycle, received_ns)
+        return self._alone.add(message, received_ns)
 
-    def _frame(self, role: FrameRole, kind: FrameKind, payload: bytes, received_ns: int) -> CycleFrame:
-        layout = self.layout
-        number = slot = expected = None
-        if kind is FrameKind.HEADER:
-            number = layout.cycle.raw(payload) if layout.cycle is not None else None
-            if layout.counts:
-                expected = math.ceil(self._count(payload) / self.profile.detections.per_frame)
-        elif kind is FrameKind.DETECTIONS:
-            if layout.frame_crc is not None and not layout.frame_crc.holds(payload):
-                self.health.bad_crc += 1
-                raise ValueError("wrong checksum")
-            number = layout.detections_cycle.raw(payload) if layout.detections_cycle is not None else None
-            slot = layout.page.raw(payload) if layout.page else role.slot
-        return CycleFrame(kind, payload, received_ns, number, slot, expected, role.last)
+    def holds(self, role: FrameRole, payload: bytes) -> bool:
+        """Whether the frame's own checksum, if it has one, is right."""
+        crc = self.layout.frame_crc
+        return crc is None or role.kind is not FrameKind.DETECTIONS or crc.holds(payload)
 
-    def _count(self, header: bytes) -> int:
-        return sum(signal.raw(header) for signal in self.layout.counts)
-
-    def _scan(self, cycle: Cycle, received_ns: int) -> RadarScan | None:
-        frames = cycle.detection_frames()
-        if self.layout.cycle_crc is not None and not self._checksum_holds(cycle, self.layout.cycle_crc):
+    def scan(self, cycle: Cycle, received_ns: int) -> RadarScan | None:
+        """What a whole cycle says; None, and counted, where its checksum is wrong."""
+        layout, length = self.layout, self.layout.messages[0].length
+        detections = cycle.detections[:, :length]
+        if layout.cycle_crc is not None and not self._checksum_holds(cycle, detections.tobytes(), layout.cycle_crc):
             self.health.bad_crc += 1
             return None
-        header = cycle.header
-        age = self._age(cycle) + self.latency
-        ambiguity, blockage = self.profile.ambiguity_interval, 0.0
-        if header is not None and self.layout.header_values is not None:
-            values = self.layout.header_values.read([header.payload])
-            ambiguity = _or(values.get("ambiguity"), ambiguity)
-            blockage = _or(values.get("blockage"), blockage)
-        if header is not None and header.cycle is not None and self.cadence is not None:
-            self.cadence.add(header.cycle, header.received_ns)
-        sent_ns = cycle.opened_ns if header is None else header.received_ns
-        limit = self._count(header.payload) if header is not None and self.layout.counts else None
-        range_, azimuth, range_rate, rcs = self._detections(cycle, limit) if frames else _NOTHING
-        stamp_ns = sent_ns - round(age * 1e9)
+        values = {} if cycle.header_ns is None or layout.header_values is None else layout.header_values.read(cycle.header)
+        if layout.age_message is not None and layout.age is not None and cycle.age is not None:
+            values |= layout.age.read(cycle.age)
+        age = _or(values.get("age"), 0.0) + self.latency
+        if cycle.header_ns is not None and self.cadence is not None:
+            self.cadence.add(cycle.number, cycle.header_ns)
+        sent_ns = cycle.opened_ns if cycle.header_ns is None else cycle.header_ns
+        range_, azimuth, range_rate, rcs = self._detections(detections, cycle.count) if len(detections) else _NOTHING
         lag, missed = (0.0, 0) if self.cadence is None else (self.cadence.lag, self.cadence.missed)
-        return RadarScan(self.sensor, stamp_ns, received_ns, range_, azimuth, range_rate, rcs, ambiguity, blockage, lag, missed)
+        return RadarScan(
+            self.sensor,
+            sent_ns - round(age * 1e9),
+            received_ns,
+            range_,
+            azimuth,
+            range_rate,
+            rcs,
+            _or(values.get("ambiguity"), self.profile.ambiguity_interval),
+            _or(values.get("blockage"), 0.0),
+            lag,
+            missed,
+        )
 
-    def _age(self, cycle: Cycle) -> float:
-        """Seconds from the measurement to the header; 0 where the sensor does not report it."""
-        payload, self.age_payload = self.age_payload, None
-        if self.layout.age_message is None and cycle.header is not None:
-            payload = cycle.header.payload
-        if payload is None or self.layout.age is None:
-            return 0.0
-        return _or(self.layout.age.read([payload])["age"], 0.0)
-
-    def _checksum_holds(self, cycle: Cycle, crc: Checksum) -> bool:
+    def _checksum_holds(self, cycle: Cycle, detections: bytes, crc: Checksum) -> bool:
         """Over the header, less the checksum itself, and the detection frames by slot."""
-        if cycle.header is None:
+        if cycle.header_ns is None:
             return False
-        detections = b"".join(frame.payload for frame in cycle.detection_frames())
+        header = cycle.header[0, : self.layout.header_length].tobytes()
         if self.layout.crc_in_header:
-            return crc.holds(cycle.header.payload, crc.others(cycle.header.payload) + detections)
-        return cycle.end is not None and crc.holds(cycle.end.payload, cycle.header.payload + detections)
+            return crc.holds(header, crc.others(header) + detections)
+        return cycle.end is not None and crc.holds(cycle.end[0].tobytes(), header + detections)
 
-    def _detections(self, cycle: Cycle, limit: int | None) -> tuple[Floats, Floats, Floats, Floats]:
-        """Range, azimuth, range rate and RCS of the valid ones, the nearest `max_detections` in order of arrival."""
-        values = self.layout.detections.read([frame.payload for frame in cycle.detection_frames()])
-        if limit is not None:
+    def _detections(self, rows: Payloads, limit: int) -> tuple[Floats, Floats, Floats, Floats]:
+        """Range, azimuth, range rate and RCS of the valid ones, the nearest `max_detections` in order of arrival. `limit` -1: none."""
+        values = self.layout.detections.read(rows)
+        if limit >= 0:
             values = {name: value[:limit] for name, value in values.items()}
         polar = _polar(values)
         sound = np.isfinite(polar[0] + polar[1] + polar[2]) & (polar[0] > 0)  # the reader's values are small numbers, or NaN
@@ -142,7 +112,47 @@ class RadarReader:
             self.health.truncated += len(kept) - self.profile.max_detections
             nearest = np.argsort(polar[0][kept], kind="stable")[: self.profile.max_detections]
             kept = kept[np.sort(nearest)]
+        elif len(kept) == len(sound):
+            return polar
         return polar[0][kept], polar[1][kept], polar[2][kept], polar[3][kept]
+
+
+class Alone:
+    """One radar's frames, one by one."""
+
+    def __init__(self, reader: RadarReader) -> None:
+        self.reader = reader
+        self._assembly = Assembly([reader.rule], [reader.health])
+        self._known = np.array([known_row(0, role) for role in reader.roles.values()], np.int64)
+        self._places = {frame_id: place for place, frame_id in enumerate(reader.roles)}
+
+    def add(self, message: can.Message, received_ns: int) -> RadarScan | None:
+        """As the reader's."""
+        frame_id, payload = (message.arbitration_id, message.is_extended_id), bytes(message.data)
+        role = self.reader.roles[frame_id]
+        if len(payload) < role.length:
+            raise ValueError("too short")
+        right = self.reader.holds(role, payload[: role.length])
+        found = [
+            self.reader.scan(cycle, received_ns)
+            for _, _, cycle in self._assembly.take(
+                np.array([received_ns]),
+                np.array([self._places[frame_id]]),
+                np.array([not right]),
+                np.array([len(payload)], np.uint8),
+                np.zeros(1, np.int64),
+                np.frombuffer(payload, np.uint8),
+                self._known,
+            )
+        ]
+        self._assembly.counted()
+        if not right:
+            raise ValueError("wrong checksum")
+        return found[0] if found else None
+
+
+def _field(layout: SignalLayout | None) -> Field:
+    return NO_FIELD if layout is None else (layout.lsb_byte, layout.step, layout.shift, layout.length, int(layout.is_signed))
 
 
 _NOTHING = (np.empty(0),) * 4
@@ -195,7 +205,8 @@ class _Layout:
             self.frame_crc = dbc.checksum(first, self._first(crc.signal), crc.algorithm, "detections.crc", crc.data_ids)
         self.counts = []
         self.cycle: SignalLayout | None = None
-        self.header_values: QuantityReader | None = None
+        self.header_length = 0
+        self.header_values: QuantityReader | None = None  # of the age too, where the header has it
         self.age: QuantityReader | None = None
         self.age_message: Message | None = None
         self.cycle_crc: Checksum | None = None
@@ -205,12 +216,13 @@ class _Layout:
             message = dbc.message(header.message, "header.message")
             self.counts = [dbc.integer(message, name, "header.count") for name in header.count]
             self.cycle = dbc.integer(message, header.cycle, "header.cycle") if header.cycle else None
-            values = {name: q for name in ("ambiguity", "blockage") if (q := getattr(header, name)) is not None}
+            self.header_length = message.length
+            names = ("ambiguity", "blockage") if header.age_message else ("ambiguity", "blockage", "age")
+            values = {name: q for name in names if (q := getattr(header, name)) is not None}
             self.header_values = QuantityReader(dbc, [message], values, "header") if values else None
-            if header.age is not None:
-                carrier = dbc.message(header.age_message or header.message, "header.age_message")
-                self.age = QuantityReader(dbc, [carrier], {"age": header.age}, "header.age")
-                self.age_message = carrier if header.age_message else None
+            if header.age is not None and header.age_message:
+                self.age_message = dbc.message(header.age_message, "header.age_message")
+                self.age = QuantityReader(dbc, [self.age_message], {"age": header.age}, "header.age")
         if profile.crc is not None:
             carrier = dbc.message(profile.crc.message, "crc.message")
             self.cycle_crc = dbc.checksum(carrier, profile.crc.signal, profile.crc.algorithm, "crc")
@@ -231,11 +243,11 @@ class _Layout:
         header = self.profile.header
         roles: dict[FrameId, FrameRole] = {}
         end = self.dbc.message(self.ends_with, "ends_with") if self.ends_with else None
-        named: list[tuple[FrameKind | None, Message, int | None]] = []
+        named: list[tuple[FrameKind, Message, int | None]] = []
         if end is not None:
             named.append((FrameKind.END, end, None))
         if self.age_message is not None:
-            named.append((None, self.age_message, None))
+            named.append((FrameKind.AGE, self.age_message, None))
         if header is not None:
             named.append((FrameKind.HEADER, self.dbc.message(header.message, "header.message"), None))
         for number, message in enumerate(self.messages):

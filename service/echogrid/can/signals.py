@@ -2,62 +2,30 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from operator import itemgetter
 from pathlib import Path
 
 import can
+import numpy as np
+from numpy.typing import NDArray
 
 from echogrid.can.dbc import Dbc
-from echogrid.can.motion import MotionReader
+from echogrid.can.intake.frames import FrameBatch
+from echogrid.can.intake.table import UNKNOWN_BUS, Intake, Integers, Item, Reader, Table
+from echogrid.can.intake.traffic_time import TrafficTime
+from echogrid.can.motion import NO_VALUES, MotionReader
 from echogrid.can.pose import PoseReader
 from echogrid.can.profile import MotionProfile, PoseProfile, RadarProfile, find, load_motion, load_pose, load_radar
 from echogrid.can.radar import FrameId, RadarReader
 from echogrid.config.tables import Bus, Config
 from echogrid.core.health import Health, SensorHealth
-from echogrid.core.messages import EgoMotion, PoseFix, RadarScan
+from echogrid.core.radar.scan import Assembly
 from echogrid.errors import EchogridError
 
-Reader = RadarReader | MotionReader | PoseReader
-NOTHING = ()
-STEP_NS = 1_000_000_000  # a frame that is older or newer than the newest by more was not reordered: it is a stray, or time has stepped
-BACK_FOR_NS = 1_000_000_000  # if frames stay older than the newest one for so long, the clock was set back
-AHEAD_FOR = 5  # frames in a row so far after it: there was a pause, or the clock was set forward
-
-
-class TrafficTime:
-    """Remembers the newest frame's time, and a run of frames that disagree with it. One stray frame moves nothing."""
-
-    def __init__(self) -> None:
-        self.newest_ns: int | None = None
-        self.set_back = 0  # how many times
-        self._run_ns: tuple[int, int] | None = None  # first and newest of the frames that disagree
-        self._run = 0
-
-    def takes(self, received_ns: int) -> bool:
-        """Whether a frame's time can be trusted."""
-        newest_ns = self.newest_ns
-        if newest_ns is None or -STEP_NS <= received_ns - newest_ns <= STEP_NS:
-            if newest_ns is None or received_ns > newest_ns:
-                self.newest_ns = received_ns
-            self._run_ns = None
-            return True
-        if self._run_ns is None or abs(received_ns - self._run_ns[1]) > STEP_NS:
-            self._run_ns, self._run = (received_ns, received_ns), 0
-        self._run_ns = self._run_ns[0], max(received_ns, self._run_ns[1])
-        self._run += 1
-        back = received_ns < newest_ns
-        if self.waiting_ns < BACK_FOR_NS if back else self._run < AHEAD_FOR:
-            return False
-        self.set_back += back
-        self.newest_ns, self._run_ns = received_ns, None
-        return True
-
-    @property
-    def waiting_ns(self) -> int:
-        """For how long frames have come that disagree."""
-        return 0 if self._run_ns is None else self._run_ns[1] - self._run_ns[0]
+Span = tuple[int, int]  # ns: the first, and the first behind it
+ALWAYS: Span = (-(2**63), 2**63 - 1)
 
 
 class SignalReader:
@@ -87,6 +55,10 @@ class SignalReader:
                 pose = load_pose(path)
                 dbc = Dbc(_dbc_path(pose, config.pose.dbc, path, source), path)
                 self._register(config.pose.bus, PoseReader(pose, dbc, config.pose, health.pose), "pose")
+        self._numbers = {bus.name: number for number, bus in enumerate(config.bus)}
+        self._table = Table(self.readers, self._numbers)
+        self._radars = self._table.radars
+        self._assembly = Assembly([radar.rule for radar in self._radars], [radar.health for radar in self._radars])
 
     def _register(self, bus: str, reader: Reader, name: str) -> None:
         for frame_id in sorted(reader.ids):
@@ -106,42 +78,135 @@ class SignalReader:
         """The ids that are read on a bus, for the kernel's filter."""
         return sorted(frame_id for name, frame_id in self.readers if name == bus)
 
-    def add(self, bus: str, message: can.Message) -> Sequence[RadarScan | EgoMotion | PoseFix]:
-        """What a message completes. A bad one changes nothing and is counted; an error frame is not traffic."""
-        if message.is_error_frame:
-            return NOTHING
-        self.health.frames += 1
-        # A float of seconds since 1970 holds microseconds, not nanoseconds. Of its fraction, 22 bits, the product is exact, so that it is
-        # rounded as in a text log; rounding the whole float would give another microsecond for one frame in eight.
-        fraction, seconds = math.modf(message.timestamp)
-        received_ns = (int(seconds) * 1_000_000 + round(fraction * 1e6)) * 1000
-        if not self.time.takes(received_ns):
-            self.health.bad_frames += 1
-            return NOTHING
-        self.health.clock_steps = self.time.set_back
-        reader = self.readers.get((bus, (message.arbitration_id, message.is_extended_id)))
-        if reader is None:
-            self.health.unknown_frames += 1
-            return NOTHING
-        if message.is_remote_frame:
-            self.health.bad_frames += 1
-            return NOTHING
-        try:
-            if isinstance(reader, RadarReader):
-                scan = reader.add(message, received_ns)
-                return NOTHING if scan is None else (scan,)
-            return reader.add(message, received_ns)
-        except ValueError:
-            self.health.bad_frames += 1
-            return NOTHING
+    def number(self, bus: str) -> int:
+        """Of a bus in the configuration; UNKNOWN_BUS for another name."""
+        return self._numbers.get(bus, UNKNOWN_BUS)
+
+    def are_motion(self, bus: str, batch: FrameBatch) -> NDArray[np.bool_]:
+        """(N,) which of a bus's frames say how the car moves, or where it is."""
+        roles = self._table.roles(batch, np.full(len(batch), self.number(bus)))
+        found: NDArray[np.bool_] = (roles >= 0) & (self._table.known[roles, 0] < 0)
+        return found
+
+    def add(self, bus: str, message: can.Message) -> list[Item]:
+        """What one message of a bus completes."""
+        batch = FrameBatch.of([message])
+        return [item for _, items in self.pieces(batch, np.array([self.number(bus)])) for item in items]
+
+    def heard(self, batches: Iterable[FrameBatch], buses: tuple[Bus, ...]) -> Iterator[tuple[int, list[Item]]]:
+        """What a recording says, whenever time goes on: the traffic's time in ns, 0 before there is one, and what came until then."""
+
+        def now() -> Span:
+            return (ALWAYS[0], ALWAYS[0]) if self.newest_ns is None else (self.newest_ns, self.newest_ns + 1)
+
+        for batch in batches:
+            yield from ((self.newest_ns or 0, items) for _, items in self.pieces(batch, buses_of(batch, buses), now))
+
+    def pieces(self, batch: FrameBatch, buses: Integers, due: Callable[[], Span] = lambda: ALWAYS) -> Iterator[tuple[int, list[Item]]]:
+        """What frames (N,) of buses (N,), by their number in the configuration or UNKNOWN_BUS, complete, in the order of the frames.
+
+        In pieces: each ends behind the frame, which is told, after which the traffic's time is not within `due` any more, that is asked
+        at the begin of each. A bad frame changes nothing and is counted; an error frame is not traffic.
+        """
+        intake = Intake.of(batch, buses, self._table)
+        begin = 0
+        while begin < len(batch):
+            counts = intake.counts[begin:]
+            newest = self.time.newest_after(intake.received_ns[begin:], counts)
+            if newest is None:  # one by one, as far as it takes
+                end = begin + 1
+                taken = not counts[0] or self.time.takes(int(intake.received_ns[begin]))
+                yield end, self._read(intake, begin, end, taken)
+                begin = end
+                continue
+            base = begin
+            while begin < len(batch):
+                end = base + _end(newest, begin - base, due())
+                if intake.counts[begin:end].any():
+                    self.time.advance(int(newest[end - 1 - base]))
+                yield end, self._read(intake, begin, end, True)
+                begin = end
+
+    def _read(self, intake: Intake, begin: int, end: int, taken: bool) -> list[Item]:
+        health, some = self.health, slice(begin, end)
+        frames = int(np.count_nonzero(intake.counts[some]))
+        health.frames += frames
+        health.clock_steps = self.time.set_back if frames else health.clock_steps
+        if not taken:
+            health.bad_frames += frames
+            return []
+        health.unknown_frames += int(np.count_nonzero(intake.unknown[some]))
+        health.bad_frames += int(np.count_nonzero(intake.remote[some]))
+        found = self._others(intake, begin, end)
+        batch, roles = intake.batch, intake.roles[some]
+        cycles = self._assembly.take(
+            intake.received_ns[some], roles, intake.wrong[some], batch.sizes[some], batch.begins[some], batch.data, self._table.known
+        )
+        for at, number, cycle in cycles:
+            scan = self._radars[number].scan(cycle, int(intake.received_ns[begin + at]))
+            if scan is not None:
+                found.append((begin + at, scan))
+        health.bad_frames += self._assembly.counted()
+        found.sort(key=_place)
+        return [item for _, item in found]
+
+    def _others(self, intake: Intake, begin: int, end: int) -> list[tuple[int, Item]]:
+        """What no radar sent, frame by frame."""
+        found: list[tuple[int, Item]] = []
+        places = np.flatnonzero(intake.others[begin:end]) + begin
+        if not len(places):
+            return found
+        batch = intake.batch
+        columns = (places, intake.roles[places], intake.received_ns[places], batch.begins[places], batch.sizes[places])
+        data = memoryview(batch.data)
+        for at, role, received_ns, first, size in zip(*(column.tolist() for column in columns), strict=True):
+            reader, frame_id = self._table.others[role]
+            payload = bytes(data[first : first + size])
+            try:
+                if isinstance(reader, MotionReader):
+                    said: Sequence[Item] = reader.read(frame_id, payload, received_ns, intake.values.get(at, NO_VALUES))
+                else:
+                    said = reader.read(frame_id, payload, received_ns)
+            except ValueError:
+                self.health.bad_frames += 1
+                continue
+            found += [(at, item) for item in said]
+        return found
+
+
+def _end(newest: Integers, begin: int, due: Span) -> int:
+    """Behind the first frame from `begin` on after which the time is not within the span; the frames' end if there is none."""
+    first, last = due
+    if newest[begin] < first:
+        return begin + 1
+    return min(int(np.searchsorted(newest[begin:], last)) + begin + 1, len(newest))
+
+
+_place = itemgetter(0)
+
+
+def buses_of(batch: FrameBatch, buses: tuple[Bus, ...]) -> Integers:
+    """(N,) the number of each frame's bus in the configuration, UNKNOWN_BUS where its channel is none of them."""
+    numbers = {bus.name: number for number, bus in enumerate(buses)}
+    channels = batch.channels
+    if len(channels) and (channels == channels[0]).all():
+        known = numbers.get(str(bus_of_channel(batch.channel(int(channels[0])), buses)), UNKNOWN_BUS)
+        return np.full(len(channels), known)
+    unique, which = np.unique(channels, return_inverse=True)
+    found = [numbers.get(str(bus_of_channel(batch.channel(number), buses)), UNKNOWN_BUS) for number in unique.tolist()]
+    return np.array(found, np.int64)[which]
 
 
 def bus_of(message: can.Message, buses: tuple[Bus, ...]) -> str | None:
-    """The bus that a logged message belongs to. Log formats name channels ("can1"), or number them from 1, or do not say.
+    """The bus that a logged message belongs to."""
+    return bus_of_channel(message.channel, buses)
+
+
+def bus_of_channel(channel: object, buses: tuple[Bus, ...]) -> str | None:
+    """The bus that a recording means by a channel. Log formats name channels ("can1"), or number them from 1, or do not say.
 
     A number is that of `log_channel`, or the bus is meant whose name has the number before: 1 is "can0". PCAN_USBBUS1 counts from 1.
     """
-    channel = message.channel
     if channel is None or channel == "":
         return buses[0].name if len(buses) == 1 else None
     for bus in buses:

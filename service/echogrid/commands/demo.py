@@ -18,7 +18,6 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from echogrid.can.signals import bus_of
 from echogrid.client import Client, Window
 from echogrid.commands.recorder import Recorder, report
 from echogrid.commands.terminal import part, progress, show_map
@@ -60,7 +59,7 @@ def demo(out: Path, model: str | None = None, on_progress: Callable[[float], Non
     config = on_a_free_port(on_virtual_buses(load_config(drive.config, model)))
     pipeline = Pipeline(config, drive.config)
     recorder = Recorder(pipeline)
-    service = Service(pipeline, recorder.add)
+    service = Service(pipeline, recorder.take)
     advance = on_progress or (lambda _: None)
     out.mkdir(parents=True, exist_ok=True)
     helper = threading.Thread(target=_play_and_watch, args=(service, drive.log, out, part(advance, 0.0, DRIVEN)), name="player")
@@ -84,11 +83,9 @@ def compare(recorder: Recorder, drive: Drive, truth: TrueMap, out: Path, on_prog
     spec = config.grid.spec()
     detections = OccupancyMap(spec)
     log = Log(drive.log)
-    for message in log:
-        update = pipeline.add(bus_of(message, config.bus) or "", message)
-        if update is not None:
-            on_progress(log.progress)
-            detections.integrate((rasterize(update.static_points, spec) > 0)[0] * np.float32(2), update.ego.odom_from_base)
+    for update in pipeline.updates(log.batches()):
+        on_progress(log.progress)
+        detections.integrate((rasterize(update.static_points, spec) > 0)[0] * np.float32(2), update.ego.odom_from_base)
     maps = (("static detections", detections), ("analytic model", pipeline.mapper.map), ("echogrid", recorder.pipeline.mapper.map))
     panels = []
     for title, occupancy in maps:

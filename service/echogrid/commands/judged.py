@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-import can
 import numpy as np
 
 from echogrid.can.bus import LiveBus
+from echogrid.can.intake.frames import FrameBatch
 from echogrid.commands.traffic import Traffic
 from echogrid.config.tables import Config
 from echogrid.errors import EchogridError
@@ -54,8 +54,7 @@ def check_log(config: Config, source: Path, path: Path, on_progress: Callable[[f
     torn: EchogridError | None = None
     try:
         for batch in log.batches():
-            for message in batch:
-                traffic.add(listener.add(message), message)
+            traffic.take(batch, listener.take(batch))
             if on_progress is not None:
                 on_progress(log.progress)
     except EchogridError as error:
@@ -73,22 +72,21 @@ def check_live(config: Config, source: Path, seconds: float, on_progress: Callab
     listener = Listener(config, source)
     heard = listen(config, seconds, on_progress)
     times, traffic = Times(), Traffic(config, listener.reader)
-    times.add(np.array([message.timestamp for message in heard]))
-    for message in heard:
-        traffic.add(listener.add(message), message)
+    times.add(heard.stamps)
+    traffic.take(heard, listener.take(heard))
     return _report(listener, Account(), times, traffic, None)
 
 
-def listen(config: Config, seconds: float, on_progress: Callable[[float], None] | None = None) -> Sequence[can.Message]:
+def listen(config: Config, seconds: float, on_progress: Callable[[float], None] | None = None) -> FrameBatch:
     """All frames of the configured buses for so long, in the order of their times."""
-    heard: list[can.Message] = []
+    heard: list[FrameBatch] = []
     stop = threading.Event()
 
     def take(bus: LiveBus) -> None:
         while not stop.is_set():
-            message = bus.recv(POLL)
-            if message is not None:
-                heard.append(message)
+            batch = bus.receive(POLL)
+            if batch is not None:
+                heard.append(batch)
 
     with ExitStack() as opened:
         buses = []
@@ -108,7 +106,8 @@ def listen(config: Config, seconds: float, on_progress: Callable[[float], None] 
             stop.set()
             for thread in threads:
                 thread.join()
-    return sorted(heard, key=lambda message: message.timestamp)
+    batch = FrameBatch.joined(heard)
+    return batch.where(np.argsort(batch.stamps, kind="stable"))
 
 
 def _report(listener: Listener, account: Account, times: Times, traffic: Traffic, torn: EchogridError | None) -> Report:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import msgspec
 
-from echogrid.can.signals import bus_of
 from echogrid.config.tables import Config
 from echogrid.core.motion.error_filter import Kept
 from echogrid.errors import EchogridError
@@ -27,9 +26,8 @@ def learn(log: Path, config: Config, source: Path, on_progress: Callable[[float]
     by_geometry = msgspec.structs.replace(config, model="analytic", model_sha256=None, map=msgspec.structs.replace(config.map, fusion=None))
     pipeline, recording = Pipeline(by_geometry, source), Log(log)
     with suppress(EchogridError):  # what is wrong with the file is said where it is mapped
-        for message in recording:
-            pipeline.add(bus_of(message, config.bus) or "", message)
-            if on_progress is not None and recording.messages % 256 == 0:
+        for _ in pipeline.updates(recording.batches()):
+            if on_progress is not None:
                 on_progress(recording.progress)
     pipeline.mapper.end_cycle()
     return pipeline.mapper.odometry.errors.keep()

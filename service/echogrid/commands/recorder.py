@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 import resource
 import time
-from collections.abc import Sequence
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-import can
 import numpy as np
+from numpy.typing import NDArray
 
+from echogrid.can.intake.frames import FrameBatch
 from echogrid.commands.state_log import StateLog
 from echogrid.core.kernels.dispatch import COMPILED, WHY
 from echogrid.core.mapper import MapUpdate
@@ -22,6 +25,7 @@ from echogrid.maps.map_files import write_map
 from echogrid.pipeline import Pipeline
 
 TRAJECTORY_STEP_NS = 20_000_000
+_stamp_ns = attrgetter("stamp_ns")
 
 
 @dataclass(slots=True)
@@ -37,28 +41,36 @@ class Recorder:
     started: float = field(default_factory=time.perf_counter)
     states: StateLog = field(default_factory=StateLog)
 
-    def add(self, bus: str, message: can.Message) -> MapUpdate | None:
-        """Passes the message on and notes what it did."""
-        if self.first_s is None:
+    def take(self, batch: FrameBatch, buses: NDArray[np.int64]) -> Iterator[tuple[int, MapUpdate | None]]:
+        """As the pipeline's; passes the frames on and notes what they did."""
+        if self.first_s is None and len(batch):
             self.epoch = self.pipeline.mapper.epoch  # a store may hold maps already
+            self.first_s = float(batch.stamps[0])
+        newest = np.maximum.accumulate(batch.stamps)
         before = time.perf_counter()
-        update = self.pipeline.add(bus, message)
-        if update is not None:
-            self.cycle_s.append(time.perf_counter() - before)
-        mapper, timestamp = self.pipeline.mapper, message.timestamp
-        self.first_s = timestamp if self.first_s is None else self.first_s
-        self.last_s = max(self.last_s, timestamp)
-        now = self.last_s - self.first_s
-        states = mapper.odometry.states
+        for end, update in self.pipeline.take(batch, buses):
+            if update is not None:
+                self.cycle_s.append(time.perf_counter() - before)
+            self._look(float(newest[end - 1]))
+            yield end, update
+            before = time.perf_counter()
+
+    def _look(self, newest_s: float) -> None:
+        mapper = self.pipeline.mapper
+        self.last_s = max(self.last_s, newest_s)
+        now = self.last_s - (self.first_s or 0.0)
         if mapper.epoch != self.epoch:
             self.epoch = mapper.epoch
             self.trajectory.clear()
             self.states.new_map(now, mapper.watch.why_empty or "")
         if self.states.due(now):
             self.states.look(now, self.pipeline.state(0))
-        if states and (not self.trajectory or states[-1].stamp_ns - self.trajectory[-1].stamp_ns >= TRAJECTORY_STEP_NS):
-            self.trajectory.append(states[-1])
-        return update
+        last_ns = self.trajectory[-1].stamp_ns if self.trajectory else None
+        states = mapper.odometry.states
+        for state in states if last_ns is None else states[bisect_right(states, last_ns, key=_stamp_ns) :]:
+            if last_ns is None or state.stamp_ns - last_ns >= TRAJECTORY_STEP_NS:
+                self.trajectory.append(state)
+                last_ns = state.stamp_ns
 
     def write(self, out: Path, truth: Truth | None, faults: Sequence[str] = (), notes: Sequence[str] = ()) -> dict[str, Any]:
         """Ends the last cycle and writes all files into a folder, which is made; returns the summary, with what the recording is like.

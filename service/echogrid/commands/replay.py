@@ -7,12 +7,15 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 
-from echogrid.can.signals import bus_of
+from echogrid.can.intake.frames import FrameBatch
+from echogrid.can.signals import buses_of
 from echogrid.commands.learning import learn
 from echogrid.commands.recorder import Recorder, report
 from echogrid.commands.state_log import StateLog
@@ -25,6 +28,8 @@ from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
 from echogrid.recording.replay_recording import ReplayRecording
 from echogrid.store.tile_keeper import TileKeeper
+
+PACE = 0.01  # s
 
 NO_POSE = "pose.key: a recording holds no messages of Zenoh, so its poses are not there; poses over CAN are"
 
@@ -118,18 +123,20 @@ def replay(
         keeper: TileKeeper | None = None
         try:
             for batch in log.batches():
-                for message in batch:
-                    bus = bus_of(message, config.bus)
-                    traffic.add(bus, message)
-                    if store is not None and keeper is None:
-                        keeper = opened.enter_context(pipeline.keep(store, round(message.timestamp * 1e9), threading.Lock()))
+                buses = buses_of(batch, config.bus)
+                traffic.take(batch, buses)
+                if store is not None and keeper is None:
+                    keeper = opened.enter_context(pipeline.keep(store, round(float(batch.stamps[0]) * 1e9), threading.Lock()))
+                for some in _paced(batch) if realtime else (slice(None),):
+                    piece, begin = batch.where(some), 0
                     if realtime:
-                        _wait(message.timestamp, recorder)
-                    update = recorder.add(bus or "", message)
-                    if recording is not None:
-                        recording.add(bus or str(message.channel), message, update)
-                    if keeper is not None and keeper.due():
-                        _flush(keeper)
+                        _wait(float(piece.stamps[-1]), recorder)
+                    for end, update in recorder.take(piece, buses[some]):
+                        if recording is not None:
+                            recording.take(piece.where(slice(begin, end)), buses[some][begin:end], update)
+                        begin = end
+                        if keeper is not None and keeper.due():
+                            _flush(keeper)
                 if on_progress is not None:
                     on_progress(log.progress if kept is None else (1.0 + log.progress) / 2)
         except EchogridError as error:
@@ -164,6 +171,12 @@ def _flush(keeper: TileKeeper) -> None:
     keeper.flush()
     if keeper.status.state != "ok":
         raise EchogridError(keeper.status.reason)
+
+
+def _paced(batch: FrameBatch) -> list[slice]:
+    """Frames that are played together: those of the same PACE seconds, as long as times go on."""
+    edges = [0, *(np.flatnonzero(np.diff(np.floor(batch.stamps / PACE))) + 1).tolist(), len(batch)]
+    return [slice(begin, end) for begin, end in pairwise(edges)]
 
 
 def _wait(timestamp: float, recorder: Recorder) -> None:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 
-import can
+import numpy as np
+from numpy.typing import NDArray
 
+from echogrid.can.intake.frames import ERROR, EXTENDED, FrameBatch
+from echogrid.can.intake.table import UNKNOWN_BUS
 from echogrid.can.motion import MotionReader
 from echogrid.can.radar import FrameId, RadarReader
 from echogrid.can.signals import SignalReader
@@ -27,20 +30,25 @@ class Traffic:
         self._newest: dict[FrameId, float] = {}
         self._heard: set[tuple[str, FrameId]] = set()  # that are read
 
-    def add(self, bus: str | None, message: can.Message) -> None:
-        """A frame of the recording, and the bus that it belongs to."""
-        if message.is_error_frame:
-            return
-        frame_id, channel = (message.arbitration_id, message.is_extended_id), message.channel
-        if bus is None or (bus, frame_id) not in self._readers:
-            if len(self.unread) < MOST_IDS:
-                self.unread[bus, channel if isinstance(channel, int) else str(channel or ""), frame_id] += 1
-            return
-        self._heard.add((bus, frame_id))
-        if isinstance(self._readers[bus, frame_id], MotionReader):
-            self.motion += 1
-            self.repeated += self._newest.get(frame_id) == message.timestamp
-            self._newest[frame_id] = message.timestamp
+    def take(self, batch: FrameBatch, buses: NDArray[np.int64]) -> None:
+        """Frames (N,) of the recording, and their buses as of `buses_of`."""
+        keys = np.stack((buses, batch.channels, batch.ids, batch.flags & EXTENDED), axis=1)[batch.flags & ERROR == 0]
+        stamps = batch.stamps[batch.flags & ERROR == 0]
+        unique, which, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+        for number, ((bus_number, channel_number, code, extended), count) in enumerate(zip(unique.tolist(), counts.tolist(), strict=True)):
+            bus = None if bus_number == UNKNOWN_BUS else self._config.bus[bus_number].name
+            frame_id, channel = (code, extended != 0), batch.channel(channel_number)
+            if bus is None or (bus, frame_id) not in self._readers:
+                key = bus, channel if isinstance(channel, int) else str(channel or ""), frame_id
+                if key in self.unread or len(self.unread) < MOST_IDS:
+                    self.unread[key] += count
+                continue
+            self._heard.add((bus, frame_id))
+            if isinstance(self._readers[bus, frame_id], MotionReader):
+                times = stamps[which.reshape(-1) == number]
+                self.motion += count
+                self.repeated += int((np.diff(times) == 0).sum()) + (self._newest.get(frame_id) == float(times[0]))
+                self._newest[frame_id] = float(times[-1])
 
     def coarse(self, times: Times) -> list[str]:
         """Says so where times are too coarse for dead reckoning."""

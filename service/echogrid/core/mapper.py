@@ -26,6 +26,7 @@ from echogrid.core.radar.static_gate import GateNoise, beside_movers
 from echogrid.core.trust.motion_watch import Verdict
 from echogrid.core.trust.watch import Watch
 
+EVER = -(2**63)  # ns, before all times
 BACK_NS = 1_000_000_000  # frames of several buses come out of order by less
 
 Infer = Callable[[Surroundings], Image]  # what one update says about the cells around the car, as the map's `integrate` takes it
@@ -133,6 +134,11 @@ class Mapper:
         """Moves the frame that does not drift, at the end of the cycle; never the map."""
         if self.frame is not None:
             self.frame.add(fix)
+
+    def span(self) -> tuple[int, int]:
+        """ns: from when until before when `update` has nothing to do."""
+        end_ns = self.cycle_end_ns
+        return (EVER, EVER) if end_ns is None else (end_ns - self.cycle_ns - BACK_NS, end_ns)
 
     def update(self, now_ns: int) -> MapUpdate | None:
         """Ends the cycle if its time is up; the map's next state, or None where there was nothing to add."""

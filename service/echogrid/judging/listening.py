@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections import Counter
 from pathlib import Path
 
-import can
+import numpy as np
+from numpy.typing import NDArray
 
+from echogrid.can.intake.frames import ERROR, EXTENDED, FrameBatch
+from echogrid.can.intake.table import UNKNOWN_BUS
 from echogrid.can.motion import MotionReader
 from echogrid.can.pose import PoseReader
 from echogrid.can.profile import MotionProfile, RadarProfile, find, load_motion, load_radar
 from echogrid.can.radar import RadarReader
-from echogrid.can.signals import SignalReader, bus_of
+from echogrid.can.signals import SignalReader, buses_of
 from echogrid.config.tables import Config
 from echogrid.core.health import Health
 from echogrid.core.messages import EgoMotion, PoseFix, RadarScan
@@ -31,7 +34,7 @@ NO_CHANNELS = Finding(
 
 
 class Listener:
-    """Remembers what was heard. `add` every message of the recording, then ask."""
+    """Remembers what was heard. `take` all frames of the recording, then ask."""
 
     def __init__(self, config: Config, source: Path) -> None:
         """`source`: the configuration's file. Raises EchogridError."""
@@ -46,37 +49,40 @@ class Listener:
         self.scans: list[RadarScan] = []
         self.poses: list[PoseFix] = []
         self.channels: dict[str, list[str]] = {bus.name: [] for bus in config.bus}
-        self._known: dict[object, str | None] = {}  # channels so far, and their buses
         self.owners, self._lengths = _owners(config, self.reader)
         self.mender = Mender(config, *_profiles(config, source), {}, self.channels)
 
-    def add(self, message: can.Message) -> str | None:
-        """A message of the recording; returns the bus that it belongs to, None where its channel is none of them."""
-        channel = message.channel
-        if channel not in self._known:
-            bus = self._known[channel] = bus_of(message, self.config.bus)
-            if bus is not None:
+    def take(self, batch: FrameBatch) -> NDArray[np.int64]:
+        """Frames (N,) of the recording; returns the buses that they belong to, as of `buses_of`."""
+        buses = buses_of(batch, self.config.bus)
+        keys = np.stack((buses, batch.channels, batch.ids, batch.flags & EXTENDED), axis=1)
+        sent = batch.flags & ERROR == 0  # an error frame is no sender's
+        unique, which = np.unique(keys, axis=0, return_inverse=True)
+        for number, (bus_number, channel_number, code, extended) in enumerate(unique.tolist()):
+            bus = None if bus_number == UNKNOWN_BUS else self.config.bus[bus_number].name
+            channel, frame_id, mine = batch.channel(channel_number), (code, extended != 0), (which.reshape(-1) == number) & sent
+            if bus is not None and str(channel) not in self.channels[bus]:
                 self.channels[bus].append(str(channel))
-        bus = self._known[channel]
-        frame_id = (message.arbitration_id, message.is_extended_id)
-        if message.is_error_frame:  # no sender's
-            return bus
-        if bus is not None or channel not in (None, ""):
-            self.heard[str(channel), frame_id] += 1
-        else:
-            self.nameless += 1
-        owner = self._lengths.get((bus or "", frame_id))
-        if owner is not None:
-            self.owned[owner[0]] += 1
-            self.short[owner[0]] += len(message.data) < owner[1]
-        for item in self.reader.add(bus or "", message):
-            if isinstance(item, RadarScan):
-                self.scans.append(item)
-            elif isinstance(item, PoseFix):
-                self.poses.append(item)
+            count = int(np.count_nonzero(mine))
+            if not count:
+                continue
+            if bus is not None or channel not in (None, ""):
+                self.heard[str(channel), frame_id] += count
             else:
-                self.motion.append(item)
-        return bus
+                self.nameless += count
+            owner = self._lengths.get((bus or "", frame_id))
+            if owner is not None:
+                self.owned[owner[0]] += count
+                self.short[owner[0]] += int(np.count_nonzero(batch.sizes[mine] < owner[1]))
+        for _, items in self.reader.pieces(batch, buses):
+            for item in items:
+                if isinstance(item, RadarScan):
+                    self.scans.append(item)
+                elif isinstance(item, PoseFix):
+                    self.poses.append(item)
+                else:
+                    self.motion.append(item)
+        return buses
 
     def recorded(self) -> Recorded:
         """As arrays."""

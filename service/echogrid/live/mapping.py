@@ -5,13 +5,15 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import can
 import numpy as np
+from numpy.typing import NDArray
 
 from echogrid.can.frame_queue import FrameQueue
+from echogrid.can.intake.frames import FrameBatch
 from echogrid.config.tables import Publish
 from echogrid.core.mapper import MapUpdate
 from echogrid.core.messages import PoseFix
@@ -23,22 +25,22 @@ from echogrid.topics.announcer import Snapshot, Snapshots
 MOST_LAG = 1.0  # s behind the buses, beyond which the newest map is old
 LATENCIES = 512  # of the newest map updates
 
-Add = Callable[[str, can.Message], MapUpdate | None]
+Take = Callable[[FrameBatch, NDArray[np.int64]], Iterator[tuple[int, MapUpdate | None]]]
 
 
 class Mapping:
     """Remembers how long frames waited and when the map was changed last. One thread runs `run`; any may ask.
 
-    `add` takes each message to the pipeline. `settings` may be exchanged while it runs, `poses` (what came over Zenoh) before.
+    `take` takes frames to the pipeline. `settings` may be exchanged while it runs, `poses` (what came over Zenoh) before.
     """
 
-    def __init__(self, pipeline: Pipeline, add: Add, queue: FrameQueue) -> None:
+    def __init__(self, pipeline: Pipeline, take: Take, queue: FrameQueue) -> None:
         self.pipeline = pipeline
         self.settings: Publish = pipeline.config.publish
         self.lock = threading.Lock()  # held by the mapping while it changes the map, by others for one tile's copy at a time
         self.outbox = Outbox()
         self.poses: Callable[[], Iterable[PoseFix]] = tuple
-        self._add = add
+        self._take = take
         self._queue = queue
         self._snapshots = Snapshots()
         self._mapped_at = time.monotonic()  # when the newest frame was processed: a lag is latency, not silence
@@ -53,21 +55,32 @@ class Mapping:
             item = self._queue.get(timeout=WAIT)
             if item is None:
                 continue
-            bus, message, received_at = item
+            bus, batch, received_at = item
             if tap is not None:
-                tap(bus, message)
-            with self.lock:
-                for fix in self.poses():
-                    self.pipeline.mapper.on_pose(fix)
-                update = self._add(bus, message)
-                self._mapped_at = time.monotonic()
-                self._lag = self._mapped_at - received_at
-                if update is None:
-                    continue
-                self._latencies.append(time.monotonic() - received_at)
-                snapshot = self._snapshots.take(self.pipeline.mapper, update, self.settings)
-            if snapshot is not None:
-                self.outbox.put(snapshot)
+                for message in batch:
+                    tap(bus, message)
+            steps = self._take(batch, np.full(len(batch), self.pipeline.signals.number(bus)))
+            while self._step(steps, received_at):
+                pass
+
+    def _step(self, steps: Iterator[tuple[int, MapUpdate | None]], received_at: float) -> bool:
+        """Maps up to the end of a cycle; whether it was not the last one."""
+        with self.lock:
+            for fix in self.poses():
+                self.pipeline.mapper.on_pose(fix)
+            step = next(steps, None)
+            self._mapped_at = time.monotonic()
+            self._lag = self._mapped_at - received_at
+            if step is None:
+                return False
+            update = step[1]
+            if update is None:
+                return True
+            self._latencies.append(time.monotonic() - received_at)
+            snapshot = self._snapshots.take(self.pipeline.mapper, update, self.settings)
+        if snapshot is not None:
+            self.outbox.put(snapshot)
+        return True
 
     def state(self) -> State:
         """Of the map, now. The traffic's own time continues by the monotonic clock, so that steps of other clocks do not matter."""

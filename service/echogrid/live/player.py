@@ -8,8 +8,11 @@ from collections.abc import Callable, Iterator
 
 import can
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
-from echogrid.can.signals import bus_of
+from echogrid.can.intake.frames import FrameBatch
+from echogrid.can.signals import bus_of, buses_of
 from echogrid.config.tables import Config
 from echogrid.errors import EchogridError
 from echogrid.live.service import Service
@@ -19,7 +22,7 @@ AHEAD_FRAMES = 512  # the player waits when the service is so far behind: nothin
 PATIENCE = 20.0  # s
 LINGER = 0.3  # s for the last window to reach subscribers
 
-See = Callable[[str | None, can.Message], None]
+See = Callable[[FrameBatch, NDArray[np.int64]], None]
 
 
 def on_virtual_buses(config: Config) -> Config:
@@ -48,8 +51,8 @@ class Player:
         see: See | None = None,
         on_progress: Callable[[float], None] | None = None,
     ) -> None:
-        """`speed`: times the recording's own pace; None is as fast as the service maps. `see` is told of every frame and its bus, those
-        that nobody reads too."""
+        """`speed`: times the recording's own pace; None is as fast as the service maps. `see` is told of all frames and their
+        buses, those that nobody reads too, before they are sent."""
         self.sent = 0
         self.ended = False  # whether the recording was played to its end, or as far as it can be read
         self.torn: EchogridError | None = None  # why it could not be read to its end
@@ -69,8 +72,6 @@ class Player:
         try:
             for message in self._messages():
                 bus = bus_of(message, config.bus)
-                if self._see is not None:
-                    self._see(bus, message)
                 if message.is_error_frame or (bus, (message.arbitration_id, message.is_extended_id)) not in readers:
                     continue  # the service's filter would not let it through: it could not be waited for
                 self._wait_until_due(message.timestamp, stop)
@@ -92,7 +93,10 @@ class Player:
     def _messages(self) -> Iterator[can.Message]:
         """Those of the recording that can be read."""
         try:
-            yield from self._log
+            for batch in self._log.batches():
+                if self._see is not None:
+                    self._see(batch, buses_of(batch, self._service.config.bus))
+                yield from batch
         except EchogridError as error:
             self.torn = error
 

@@ -5,12 +5,8 @@ from __future__ import annotations
 import threading
 from contextlib import ExitStack
 
-import can
-
 from echogrid.can.bus import LiveBus
 from echogrid.can.frame_queue import FrameQueue
-from echogrid.can.motion import MotionReader
-from echogrid.can.pose import PoseReader
 from echogrid.can.signals import SignalReader
 from echogrid.config.tables import Bus
 from echogrid.live.workers import WAIT
@@ -23,7 +19,7 @@ class Receiving:
 
     def __init__(self, signals: SignalReader) -> None:
         self.buses: list[LiveBus] = []
-        self.queue = FrameQueue(QUEUE_FRAMES, self._is_motion)
+        self.queue = FrameQueue(QUEUE_FRAMES, signals.are_motion)
         self._signals = signals
 
     def open(self, buses: tuple[Bus, ...], opened: ExitStack) -> None:
@@ -35,10 +31,6 @@ class Receiving:
     def run(self, bus: LiveBus, stop: threading.Event) -> None:
         """One bus's thread."""
         while not stop.is_set():
-            message = bus.recv(timeout=WAIT)
-            if message is not None:
-                self.queue.put(bus.bus.name, message)
-
-    def _is_motion(self, bus: str, message: can.Message) -> bool:
-        frame_id = (message.arbitration_id, message.is_extended_id)
-        return isinstance(self._signals.readers.get((bus, frame_id)), MotionReader | PoseReader)
+            batch = bus.receive(WAIT)
+            if batch is not None:
+                self.queue.put(bus.bus.name, batch)

@@ -19,7 +19,7 @@ from echogrid.core.kernels import dispatch as kernels
 from echogrid.errors import EchogridError
 from echogrid.live.learned_keeper import LearnedKeeper
 from echogrid.live.manager import Manager
-from echogrid.live.mapping import Add, Mapping
+from echogrid.live.mapping import Mapping, Take
 from echogrid.live.publishing import Publishing
 from echogrid.live.receiving import Receiving
 from echogrid.live.workers import Workers
@@ -43,14 +43,14 @@ RELOADABLE = ("rate_hz", "window_cells")  # keys of [publish] that a running ser
 class Service:
     """One thread per bus receives, the caller's thread maps, one thread publishes, others keep, record and answer; none waits for another.
 
-    `add` takes each message to the pipeline; a recorder may replace it. `record`: an MCAP file of the frames and of what is published.
+    `take` takes frames to the pipeline; a recorder may replace it. `record`: an MCAP file of the frames and of what is published.
     `foxglove`: host and port of a live view. `workers.stop` ends the service at its next look; `reload` is called from a signal's handler.
     """
 
     def __init__(
         self,
         pipeline: Pipeline,
-        add: Add | None = None,
+        take: Take | None = None,
         *,
         record: Path | None = None,
         foxglove: tuple[str, int] | None = None,
@@ -60,7 +60,7 @@ class Service:
         self.workers = Workers()
         self.live = threading.Event()  # all buses are open and the publisher is up
         self.receiving = Receiving(pipeline.signals)
-        self.mapping = Mapping(pipeline, add or pipeline.add, self.receiving.queue)
+        self.mapping = Mapping(pipeline, take or pipeline.take, self.receiving.queue)
         self.publishing = Publishing(Announcer(self.config, pipeline.model.why), self.mapping.outbox, self.status)
         self.manager = Manager(self.mapping.loop_age)
         self.keeper: TileKeeper | None = None

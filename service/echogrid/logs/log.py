@@ -9,7 +9,7 @@ from pathlib import Path
 
 import can
 
-from echogrid.can.frames import FrameBatch, batches
+from echogrid.can.intake.frames import FrameBatch, batches
 from echogrid.errors import EchogridError
 from echogrid.files import meant
 from echogrid.logs.formats import blf, library, pcap

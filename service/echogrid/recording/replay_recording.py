@@ -9,7 +9,11 @@ from types import TracebackType
 from typing import Self
 
 import can
+import numpy as np
+from numpy.typing import NDArray
 
+from echogrid.can.intake.frames import FrameBatch
+from echogrid.can.intake.table import UNKNOWN_BUS
 from echogrid.core.mapper import MapUpdate
 from echogrid.pipeline import Pipeline
 from echogrid.recording.mcap_writer import McapWriter
@@ -53,6 +57,13 @@ class ReplayRecording:
             for published in self._announcer.map(snapshot):
                 self._writer.put(published)
         self._tell(update.ego.stamp_ns)
+
+    def take(self, batch: FrameBatch, buses: NDArray[np.int64], update: MapUpdate | None) -> None:
+        """Frames (N,) that were mapped, their buses as of `buses_of`, and what came of the last one."""
+        names, last = [bus.name for bus in self.pipeline.config.bus], len(batch) - 1
+        for place, (number, message) in enumerate(zip(buses.tolist(), batch, strict=True)):
+            bus = str(message.channel) if number == UNKNOWN_BUS else names[number]
+            self.add(bus, message, update if place == last else None)
 
     def discard(self) -> None:
         """Takes the file away again, where there was nothing to record."""

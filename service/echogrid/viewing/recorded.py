@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
 from echogrid.core.map.map_delta import Rectangle
 from echogrid.core.map.tiled_map import LogOdds
@@ -49,12 +48,9 @@ class DriveFeed:
         """Until the end, or `stop`. Raises EchogridError for a recording that is torn, or gives no map; what came before is on the tape."""
         snapshots, announcer = Snapshots(), Announcer(self._config, self._pipeline.model.why)
         frames = self._scene.meta(announcer.about()) + self._true()
-        for message in self._log:
+        for update in self._pipeline.updates(self._log.batches()):
             if stop.is_set():
                 return
-            update = self._pipeline.add(bus_of(message, self._config.bus) or "", message)
-            if update is None:
-                continue
             snapshot = snapshots.take(self._pipeline.mapper, update, self._config.publish)
             if snapshot is not None:
                 frames += self._shown(snapshot)

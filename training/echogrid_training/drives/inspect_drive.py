@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
-from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
 from echogrid.core.messages import Floats, PoseFix, RadarScan
@@ -59,9 +58,8 @@ def _moments(config: Config, source: Path, log: Path, truth: SimulatedTruth) -> 
     seen: list[Floats] = []
     static: list[Floats] = []
     next_ns = 0
-    for message in Log(log):
-        bus = bus_of(message, config.bus)
-        for item in pipeline.signals.add(bus or "", message):
+    for _, items in pipeline.signals.heard(Log(log).batches(), config.bus):
+        for item in items:
             if isinstance(item, RadarScan):
                 in_sensor = np.stack((item.range * np.cos(item.azimuth), item.range * np.sin(item.azimuth)), axis=1)
                 seen.append(mounts[item.sensor].base_from_sensor.apply(in_sensor))

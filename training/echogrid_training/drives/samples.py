@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
 from echogrid.core.evidence.beams import Beams
 from echogrid.core.evidence.history import Surroundings
@@ -77,11 +76,10 @@ def samples(folder: Path, disturbance: Disturbance | None = None, spacing: float
     if disturbance is not None:
         mapper.on_scan = _disturbed(mapper.on_scan, disturbance)  # type: ignore[assignment, method-assign]  # the one way that scans take in
     last: SE2 | None = None
-    for message in Log(drive.log):
+    for update in pipeline.updates(Log(drive.log).batches()):
+        pose, newest = truth.pose(update.ego.stamp_ns), seen[-1:]
         seen.clear()
-        update = pipeline.add(bus_of(message, config.bus) or "", message)
-        pose = None if update is None else truth.pose(update.ego.stamp_ns)
-        if update is None or pose is None or not seen:
+        if pose is None or not newest:
             continue
         if last is None or math.hypot(pose.x - last.x, pose.y - last.y) >= spacing:
             last = pose

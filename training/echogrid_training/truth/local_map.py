@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
 from echogrid.core.evidence.raster import GridSpec, Image
@@ -63,7 +62,5 @@ def patch(occupancy: TiledMap, odom_from_base: SE2, spec: GridSpec) -> Layers:
 
 
 def _driven(pipeline: Pipeline, config: Config, log: Path) -> Iterator[EgoState]:
-    for message in Log(log):
-        update = pipeline.add(bus_of(message, config.bus) or "", message)
-        if update is not None:
-            yield update.ego
+    for update in pipeline.updates(Log(log).batches()):
+        yield update.ego

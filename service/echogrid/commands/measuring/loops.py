@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
 from echogrid.core.kernels import dispatch, reference
 from echogrid.logs.drive import Drive
@@ -83,9 +82,8 @@ def seen(drive: Drive, models: Sequence[str] = MODELS, sample: Sample = SAMPLE) 
         for model in models:
             config = load_config(drive.config, model)
             pipeline, snapshots, announcer = Pipeline(config, drive.config), Snapshots(), Announcer(config, "")
-            for message in Log(drive.log):
-                update = pipeline.add(bus_of(message, config.bus) or "", message)
-                if update is not None and (snapshot := snapshots.take(pipeline.mapper, update, config.publish)) is not None:
+            for update in pipeline.updates(Log(drive.log).batches()):
+                if (snapshot := snapshots.take(pipeline.mapper, update, config.publish)) is not None:
                     list(announcer.map(snapshot))
                 if pipeline.health.cycles > sample.updates:
                     break

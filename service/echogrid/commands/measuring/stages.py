@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
-from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
 from echogrid.logs.drive import Drive
 from echogrid.logs.log import Log
@@ -98,7 +98,14 @@ def stages(
     config = load_config(drive.config, model)
     pipeline, watch = Pipeline(config, drive.config), Stopwatch(clock)
     mapper, infer = pipeline.mapper, pipeline.model.infer
-    watch.on(pipeline.signals, add=FRAMES)
+    pieces = pipeline.signals.pieces
+
+    def counted_pieces(*arguments: Any) -> Iterator[Any]:
+        step = watch.timed(FRAMES, partial(next, pieces(*arguments), None))
+        while (piece := step()) is not None:
+            yield piece
+
+    pipeline.signals.pieces = counted_pieces  # type: ignore[method-assign]
     watch.on(mapper, **MAPPER)
     watch.on(mapper.doppler, add="errors of wheels and mounts, by Doppler")
     watch.on(mapper.history, add="history", surroundings="history")
@@ -112,17 +119,14 @@ def stages(
     encode = watch.timed("messages to publish", lambda snapshot: list(announcer.map(snapshot)))
     first = last = 0.0
     updates = 0
-    for message in Log(drive.log):
-        update = pipeline.add(bus_of(message, config.bus) or "", message)
-        if update is None:
-            continue
-        updates += 1
+    for update in pipeline.updates(Log(drive.log).batches()):
+        updates, now = updates + 1, (pipeline.signals.newest_ns or 0) * 1e-9
         if (snapshot := take(mapper, update, config.publish)) is not None:
             encode(snapshot)
         if updates == WARM:
             watch.clear()
-            first = message.timestamp
-        last = message.timestamp
+            first = now
+        last = now
         if on_progress is not None:
             on_progress(min((last - first) / seconds, 1.0) if first else 0.0)
         if first and last - first > seconds:

@@ -84,8 +84,8 @@ def publish(
     recorder = Recorder(pipeline, states=StateLog(say))
     traffic = Traffic(config, pipeline.signals)
     log = Log(drive.log)
-    service = Service(pipeline, recorder.add, record=record, foxglove=foxglove)
-    player = Player(service, log, speed=speed, see=traffic.add, on_progress=on_progress)
+    service = Service(pipeline, recorder.take, record=record, foxglove=foxglove)
+    player = Player(service, log, speed=speed, see=traffic.take, on_progress=on_progress)
     service.workers.add("player", player.run)
     if on_start is not None:
         on_start(service)

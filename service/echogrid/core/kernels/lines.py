@@ -23,7 +23,7 @@ def candump_lines(
 ) -> None:
     """Reads lines of `text` (bytes,) from byte place[0] on, as far as they are data frames in the form that most have, one after the other.
 
-    Of frame place[1]: s, id, bits as in `can.frames`, bytes by its code and in fact, where its data begins in `data`, and its channel:
+    Of frame place[1]: s, id, bits as in `can.intake.frames`, bytes by its code and in fact, where they begin in `data`, and its channel:
     which row of `names` (K, 64), filled up with zeros. `place` (4,) then has where the first other line begins, frames, lines and bytes of
     data so far. It stops where there is no room for another. Of columns (N,) and data only what comes is written.
     """

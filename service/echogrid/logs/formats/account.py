@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 
-from echogrid.can.frames import Frame
+from echogrid.can.intake.frames import Frame
 
 MOST_SHOWN = 60  # characters of a line that was not understood
 

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from echogrid.can.frames import FrameBatch
+from echogrid.can.intake.frames import FrameBatch
 from echogrid.core.kernels.dispatch import loops
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.blf_objects import NAME, WANTED, decode

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from can.util import dlc2len
 
-from echogrid.can.frames import ERROR, EXTENDED, REMOTE, SENT, STATE, SWITCH, FrameBatch
-from echogrid.can.frames import FD as FLEXIBLE
+from echogrid.can.intake.frames import ERROR, EXTENDED, REMOTE, SENT, STATE, SWITCH, FrameBatch
+from echogrid.can.intake.frames import FD as FLEXIBLE
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.times import END_OF_TIME
 

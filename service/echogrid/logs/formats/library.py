@@ -12,7 +12,7 @@ from pathlib import Path
 
 import can
 
-from echogrid.can.frames import FrameBatch, batches
+from echogrid.can.intake.frames import FrameBatch, batches
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.times import END_OF_TIME
 

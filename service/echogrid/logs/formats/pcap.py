@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from echogrid.can.frames import Frame, FrameBatch, batches
+from echogrid.can.intake.frames import Frame, FrameBatch, batches
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.stream import Stream, Window
 from echogrid.logs.formats.times import END_OF_TIME

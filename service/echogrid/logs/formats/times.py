@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from echogrid.can.frames import FrameBatch
+from echogrid.can.intake.frames import FrameBatch
 from echogrid.logs.formats.account import Account
 
 END_OF_TIME = 2**31  # s, either way of 1970: what ROS's stamps hold

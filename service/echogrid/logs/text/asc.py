@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 from can.util import dlc2len
 
-from echogrid.can.frames import Frame, FrameBatch, error_frame
+from echogrid.can.intake.frames import Frame, FrameBatch, error_frame
 from echogrid.core.kernels.dispatch import loops
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.stream import Stream

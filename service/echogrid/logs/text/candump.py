@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 from functools import partial
 
-from echogrid.can.frames import Frame, FrameBatch
+from echogrid.can.intake.frames import Frame, FrameBatch
 from echogrid.core.kernels.dispatch import loops
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.stream import Stream

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 
 from can.util import dlc2len
 
-from echogrid.can.frames import Frame, FrameBatch
+from echogrid.can.intake.frames import Frame, FrameBatch
 from echogrid.core.kernels.dispatch import loops
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.stream import Stream

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from echogrid.can.frames import Frame, FrameBatch, channel_number, flags_of
+from echogrid.can.intake.frames import Frame, FrameBatch, channel_number, flags_of
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.stream import Stream
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
 from echogrid.core.map.tiled_map import TiledMap
@@ -73,9 +72,8 @@ def hear(source: Path, configuration: Path | None = None) -> RealDrive:
     config = load_config(drive.config, "analytic")
     signals = Pipeline(config, drive.config).signals
     items: list[tuple[int, RadarScan | EgoMotion]] = []
-    for message in Log(drive.log):
-        heard = signals.add(bus_of(message, config.bus) or "", message)
-        items += [(signals.newest_ns or 0, item) for item in heard if not isinstance(item, PoseFix)]
+    for newest_ns, heard in signals.heard(Log(drive.log).batches(), config.bus):
+        items += [(newest_ns, item) for item in heard if not isinstance(item, PoseFix)]
     scans, driven = placed([item for _, item in items])
     return RealDrive(drive.config, items, scans, driven)
 

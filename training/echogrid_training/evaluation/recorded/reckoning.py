@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from echogrid.can.signals import SignalReader, bus_of
+from echogrid.can.signals import SignalReader
 from echogrid.config.loading import load_config
 from echogrid.core.health import Health
 from echogrid.core.messages import EgoMotion, Floats, PoseFix, RadarScan
@@ -71,9 +71,8 @@ def hear(folder: Path) -> Heard:
         raise EchogridError(f"{folder}: has no truth.npz: without true poses there is nothing to compare with")
     signals = SignalReader(config, drive.config, Health())
     items: list[tuple[int, RadarScan | EgoMotion]] = []
-    for message in Log(drive.log):
-        heard = signals.add(bus_of(message, config.bus) or "", message)
-        items += [(signals.newest_ns or 0, item) for item in heard if not isinstance(item, PoseFix)]
+    for newest_ns, heard in signals.heard(Log(drive.log).batches(), config.bus):
+        items += [(newest_ns, item) for item in heard if not isinstance(item, PoseFix)]
     return Heard(folder.name, items, {radar.name: radar.mount() for radar in config.radar}, config.gate.noise(), truth)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from echogrid.can.signals import SignalReader, bus_of
+from echogrid.can.signals import SignalReader
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
 from echogrid.core.evidence.raster import GridSpec
@@ -78,12 +78,11 @@ def load_tape(folder: Path) -> Tape:
     signals, events = SignalReader(config, drive.config, Health()), []
     cycle_ns = round(config.map.cycle_ms * 1e6)
     cycle = None
-    for message in Log(drive.log):
-        heard = signals.add(bus_of(message, config.bus) or "", message)
+    for newest_ns, heard in signals.heard(Log(drive.log).batches(), config.bus):
         items = [item for item in heard if not isinstance(item, PoseFix)]
-        if signals.newest_ns is not None and (items or signals.newest_ns // cycle_ns != cycle):  # no other message changes anything
-            cycle = signals.newest_ns // cycle_ns
-            events.append(Event(items, signals.newest_ns))
+        if signals.newest_ns is not None and (items or newest_ns // cycle_ns != cycle):  # nothing else changes anything
+            cycle = newest_ns // cycle_ns
+            events.append(Event(items, newest_ns))
     return Tape(config, drive.config, load_simulated_truth(drive.truth), events)
 
 

@@ -80,6 +80,11 @@ class FrameBatch:
             tuple(names),
         )
 
+    @classmethod
+    def joined(cls, batches: Sequence[FrameBatch]) -> FrameBatch:
+        """All frames of several, batch by batch."""
+        return cls.of([frame for batch in batches for frame in batch])
+
     def __len__(self) -> int:
         return len(self.stamps)
 
@@ -97,7 +102,7 @@ class FrameBatch:
         """What the file calls a channel."""
         return number if number >= 0 else None if number == NO_CHANNEL else self.names[FIRST_NAME - number]
 
-    def where(self, which: NDArray[np.bool_] | slice) -> FrameBatch:
+    def where(self, which: NDArray[np.bool_ | np.int64] | slice) -> FrameBatch:
         """Some of them."""
         return FrameBatch(
             self.stamps[which],

@@ -1,0 +1,1 @@
+"""How do frames come in, many at once? Batches of them, and the socket that receives them."""
