@@ -10,41 +10,46 @@ from tests.support.frames import frame
 from tests.support.waiting import PATIENCE
 
 from echogrid.can.frame_queue import FrameQueue
+from echogrid.can.intake.frames import FrameBatch
 
 
 def queue(limit: int) -> FrameQueue:
-    return FrameQueue(limit, lambda bus, message: message.arbitration_id < 0x200)
+    return FrameQueue(limit, lambda bus, batch: batch.ids < 0x200)
+
+
+def one(number: int, data: bytes = b"") -> FrameBatch:
+    return FrameBatch.of([frame(number, data, 0.0)])
 
 
 def drain(frames: FrameQueue) -> list[int]:
     got = []
     while (item := frames.get(timeout=0.0)) is not None:
-        got.append(item[1].arbitration_id)
+        got += item[1].ids.tolist()
     return got
 
 
 def test_in_order_and_empty_is_none() -> None:
     frames = queue(10)
     for number in (0x100, 0x300, 0x301):
-        frames.put("can0", frame(number, b"", 0.0))
+        frames.put("can0", one(number))
     assert drain(frames) == [0x100, 0x300, 0x301]
 
 
 def test_full_it_drops_the_radar_frames_of_its_older_half_and_never_motion() -> None:
     frames = queue(6)
     for number in (0x100, 0x300, 0x301, 0x302, 0x303, 0x101, 0x304):
-        frames.put("can0", frame(number, b"", 0.0))
+        frames.put("can0", one(number))
     assert frames.dropped == 2
     assert drain(frames) == [0x100, 0x302, 0x303, 0x101, 0x304]
 
 
-@given(st.lists(st.booleans(), max_size=300), st.integers(2, 20))
-def test_what_stays_is_in_order_and_all_motion_is_there(kinds: list[bool], limit: int) -> None:
+@given(st.lists(st.booleans(), max_size=300), st.integers(2, 20), st.integers(1, 9))
+def test_what_stays_is_in_order_and_all_motion_is_there(kinds: list[bool], limit: int, together: int) -> None:
     frames = queue(limit)
     numbers = [(0x000 if motion else 0x200) + min(index, 0x1FF) for index, motion in enumerate(kinds)]
-    for number in numbers:
-        frames.put("can0", frame(number, b"", 0.0))
-    assert len(frames) <= 5 * limit + 1
+    for at in range(0, len(numbers), together):
+        frames.put("can0", FrameBatch.of([frame(number, b"", 0.0) for number in numbers[at : at + together]]))
+    assert len(frames) <= 5 * limit + 2 * together
     got = drain(frames)
     assert sorted(got, key=numbers.index) == got
     motion = [number for number in numbers if number < 0x200]
@@ -58,11 +63,11 @@ def test_a_player_that_is_always_too_fast_costs_whole_scans_and_leaves_whole_one
     frames, taken = queue(128), []
     for cycle in range(200):
         for slot in range(8):
-            frames.put("can0", frame(0x200 + slot, bytes((cycle,)), 0.0))
+            frames.put("can0", one(0x200 + slot, bytes((cycle,))))
             if slot % 2:
                 item = frames.get(timeout=0.0)
                 assert item is not None
-                taken.append(item[1].data[0])
+                taken.append(int(item[1].data[0]))
     counts = [taken.count(cycle) for cycle in set(taken)]
     assert frames.dropped > 500
     assert counts.count(8) > 0.8 * len(counts)
@@ -70,7 +75,7 @@ def test_a_player_that_is_always_too_fast_costs_whole_scans_and_leaves_whole_one
 
 def test_a_waiting_reader_is_woken() -> None:
     frames = queue(4)
-    timer = threading.Timer(0.05, frames.put, ("can0", frame(0x300, b"", 0.0)))
+    timer = threading.Timer(0.05, frames.put, ("can0", one(0x300)))
     timer.start()
     item = frames.get(timeout=PATIENCE)
     timer.join()

@@ -3,79 +3,123 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
+from typing import NamedTuple
 
+import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
 from echogrid.core.health import SensorHealth
-from echogrid.core.radar.scan import AssemblyRule, Cycle, CycleFrame, FrameKind, ScanAssembler
+from echogrid.core.radar.scan import NO_FIELD, Assembly, AssemblyRule, FrameKind, FrameRole, known_row
 
 MS = 1_000_000
-COUNTED = AssemblyRule(ends_with_message=False, has_header=True, frames=None, cycle_bits=None, timeout_ns=40 * MS)
-CLOSED = AssemblyRule(ends_with_message=True, has_header=True, frames=None, cycle_bits=2, timeout_ns=40 * MS)
+BYTE = [(place, 1, 0, 8, 0) for place in range(3)]  # cycle, slot, and in a header the count of detections
+COUNTED = AssemblyRule(
+    ends_with_message=False,
+    has_header=True,
+    frames=None,
+    cycle_bits=None,
+    timeout_ns=40 * MS,
+    cycle=BYTE[0],
+    detections_cycle=BYTE[0],
+    page=BYTE[1],
+    counts=(BYTE[2],),
+)
+CLOSED = replace(COUNTED, ends_with_message=True, cycle_bits=2)
+ROLES = [FrameRole(FrameKind.HEADER, 3), FrameRole(FrameKind.DETECTIONS, 2), FrameRole(FrameKind.END, 1, last=True)]
+ROLES += [FrameRole(FrameKind.DETECTIONS, 2, last=True)]
+KNOWN = np.array([known_row(0, role) for role in ROLES])
+Sent = tuple[int, bytes, int]  # role, payload, ns
 
 
-def header(cycle: int, expected: int, at: int = 0) -> CycleFrame:
-    return CycleFrame(FrameKind.HEADER, b"h", at * MS, cycle, expected=expected)
+class Done(NamedTuple):
+    """A whole cycle: its header's number, those of its detection frames, and their slots."""
+
+    number: int
+    cycles: list[int]
+    slots: list[int]
 
 
-def page(cycle: int, slot: int, at: int = 1) -> CycleFrame:
-    return CycleFrame(FrameKind.DETECTIONS, bytes((slot,)), at * MS, cycle, slot)
+class Assembled:
+    """One radar, fed frame by frame."""
+
+    def __init__(self, rule: AssemblyRule, health: SensorHealth) -> None:
+        self.health = health
+        self.assembly = Assembly([rule], [health])
+
+    def add(self, sent: Sent) -> Done | None:
+        role, payload, received_ns = sent
+        places = np.zeros(1, np.int64)
+        arrays = np.array([received_ns]), np.array([role]), np.zeros(1, np.bool_), np.array([len(payload)], np.uint8), places
+        found = [
+            Done(cycle.number, cycle.detections[:, 0].tolist(), cycle.detections[:, 1].tolist())
+            for _, _, cycle in self.assembly.take(*arrays, np.frombuffer(payload, np.uint8), KNOWN)
+        ]
+        self.assembly.counted()
+        return found[0] if found else None
 
 
-def end(at: int = 9) -> CycleFrame:
-    return CycleFrame(FrameKind.END, b"e", at * MS, last=True)
+def header(cycle: int, expected: int, at: int = 0) -> Sent:
+    return 0, bytes((cycle, 0, expected)), at * MS
 
 
-def feed(assembler: ScanAssembler, frames: list[CycleFrame]) -> list[Cycle]:
-    return [cycle for frame in frames if (cycle := assembler.add(frame)) is not None]
+def page(cycle: int, slot: int, at: int = 1) -> Sent:
+    return 1, bytes((cycle, slot)), at * MS
+
+
+def end(at: int = 9) -> Sent:
+    return 2, b"e", at * MS
+
+
+def feed(assembled: Assembled, frames: list[Sent]) -> list[Done]:
+    return [cycle for frame in frames if (cycle := assembled.add(frame)) is not None]
 
 
 def test_a_cycle_is_whole_with_its_last_page_in_any_order() -> None:
     for order in itertools.permutations(range(3)):
         health = SensorHealth()
-        done = feed(ScanAssembler(COUNTED, health), [header(7, 3), *(page(7, slot) for slot in order)])
-        assert [frame.slot for frame in done[0].detection_frames()] == [0, 1, 2]
+        done = feed(Assembled(COUNTED, health), [header(7, 3), *(page(7, slot) for slot in order)])
+        assert done[0].slots == [0, 1, 2]
         assert health == SensorHealth()
 
 
 def test_a_cycle_without_detections_is_whole_with_its_header() -> None:
-    assert len(feed(ScanAssembler(COUNTED, SensorHealth()), [header(1, 0), header(2, 0)])) == 2
+    assert len(feed(Assembled(COUNTED, SensorHealth()), [header(1, 0), header(2, 0)])) == 2
 
 
 def test_a_missing_page_gives_the_scan_up_when_the_next_begins() -> None:
     health = SensorHealth()
-    done = feed(ScanAssembler(COUNTED, health), [header(1, 2), page(1, 0), header(2, 1), page(2, 0)])
-    assert [cycle.header and cycle.header.cycle for cycle in done] == [2]
+    done = feed(Assembled(COUNTED, health), [header(1, 2), page(1, 0), header(2, 1), page(2, 0)])
+    assert [cycle.number for cycle in done] == [2]
     assert health == SensorHealth(incomplete=1)
 
 
 def test_a_page_of_another_cycle_is_no_part_of_this_one() -> None:
     health = SensorHealth()
-    assert feed(ScanAssembler(COUNTED, health), [header(2, 2), page(1, 0), page(2, 1)]) == []
+    assert feed(Assembled(COUNTED, health), [header(2, 2), page(1, 0), page(2, 1)]) == []
     assert health == SensorHealth(wrong_cycle=1)
 
 
 def test_where_either_states_no_cycle_pages_belong_to_the_open_one() -> None:
     """There is nothing to tell them apart by."""
-    for of_header, of_page in ((7, None), (None, 7), (None, None)):
+    for of_header, of_page in ((BYTE[0], NO_FIELD), (NO_FIELD, BYTE[0]), (NO_FIELD, NO_FIELD)):
         for rule, frames in ((COUNTED, []), (CLOSED, [end()])):
             health = SensorHealth()
-            opening = CycleFrame(FrameKind.HEADER, b"h", 0, of_header, expected=2)
-            pages = [CycleFrame(FrameKind.DETECTIONS, bytes((slot,)), MS, of_page, slot) for slot in range(2)]
-            assert len(feed(ScanAssembler(rule, health), [opening, *pages, *frames])[0].frames) == 2
+            silent = replace(rule, cycle=of_header, detections_cycle=of_page)
+            assert feed(Assembled(silent, health), [header(7, 2), page(9, 0), page(8, 1), *frames])[0].slots == [0, 1]
             assert health == SensorHealth()
 
 
 def test_a_page_without_a_header_is_counted() -> None:
     health = SensorHealth()
-    assert feed(ScanAssembler(COUNTED, health), [page(1, 0), page(1, 1)]) == []
+    assert feed(Assembled(COUNTED, health), [page(1, 0), page(1, 1)]) == []
     assert health == SensorHealth(wrong_cycle=2)
 
 
 def test_repeated_pages_and_headers_do_not_make_a_scan_whole() -> None:
     health = SensorHealth()
-    assembler = ScanAssembler(COUNTED, health)
+    assembler = Assembled(COUNTED, health)
     assert feed(assembler, [header(1, 2), page(1, 0), page(1, 0), header(1, 2)]) == []
     assert health == SensorHealth(repeated=2)
     assert len(feed(assembler, [page(1, 1)])) == 1
@@ -84,14 +128,14 @@ def test_repeated_pages_and_headers_do_not_make_a_scan_whole() -> None:
 def test_a_frozen_radar_that_repeats_its_last_cycle_makes_no_scan() -> None:
     health = SensorHealth()
     once = [header(5, 1), page(5, 0)]
-    assert len(feed(ScanAssembler(COUNTED, health), once * 4)) == 1
+    assert len(feed(Assembled(COUNTED, health), once * 4)) == 1
     assert health.repeated == 3
     assert health.wrong_cycle == 3
 
 
 def test_a_cycle_that_takes_too_long_is_given_up() -> None:
     health = SensorHealth()
-    done = feed(ScanAssembler(COUNTED, health), [header(1, 2, at=0), page(1, 0, at=1), page(1, 1, at=41)])
+    done = feed(Assembled(COUNTED, health), [header(1, 2, at=0), page(1, 0, at=1), page(1, 1, at=41)])
     assert done == []
     assert health == SensorHealth(incomplete=1, wrong_cycle=1)
 
@@ -100,31 +144,47 @@ def test_where_the_header_comes_last_pages_of_an_older_cycle_are_sorted_out_at_t
     """Cycle 6 is 2 in its low two bits; the page that says 1 is left over from cycle 5."""
     health = SensorHealth()
     frames = [page(1, 0), page(2, 1), page(2, 2), header(6, 2), end()]
-    done = feed(ScanAssembler(CLOSED, health), frames)
-    assert [frame.slot for frame in done[0].detection_frames()] == [1, 2]
+    done = feed(Assembled(CLOSED, health), frames)
+    assert done[0].slots == [1, 2]
     assert health == SensorHealth(wrong_cycle=1)
 
 
 def test_without_its_header_a_closed_cycle_is_incomplete() -> None:
     health = SensorHealth()
-    assert feed(ScanAssembler(CLOSED, health), [page(1, 0), end()]) == []
+    assert feed(Assembled(CLOSED, health), [page(1, 0), end()]) == []
     assert health == SensorHealth(incomplete=1)
 
 
 def test_without_any_header_all_slots_make_it_whole() -> None:
-    rule = AssemblyRule(ends_with_message=True, has_header=False, frames=2, cycle_bits=None, timeout_ns=40 * MS)
-    last = CycleFrame(FrameKind.DETECTIONS, b"1", 2 * MS, None, 1, last=True)
+    rule = replace(CLOSED, has_header=False, frames=2, cycle_bits=None)
+    last = (3, bytes((0, 1)), 2 * MS)
     health = SensorHealth()
-    assembler = ScanAssembler(rule, health)
-    assert len(feed(assembler, [CycleFrame(FrameKind.DETECTIONS, b"0", MS, None, 0), last])) == 1
+    assembler = Assembled(rule, health)
+    assert len(feed(assembler, [page(0, 0), last])) == 1
     assert feed(assembler, [last]) == []
     assert health == SensorHealth(incomplete=1)
+
+
+def test_of_two_radars_each_has_its_own_cycle() -> None:
+    """Frames in one batch, taken by turns."""
+    healths = [SensorHealth(), SensorHealth()]
+    assembly = Assembly([COUNTED, CLOSED], healths)
+    known = np.array([known_row(radar, role) for radar in range(2) for role in ROLES])
+    sent = [(0, header(1, 2)), (4, page(6 % 4, 5)), (1, page(1, 1)), (4 + 0, header(6, 1)), (1, page(1, 0)), (4 + 2, end())]
+    sent[1], sent[3] = (5, page(6 % 4, 5)), (4, header(6, 1))
+    data = np.frombuffer(b"".join(frame[1].ljust(8) for _, frame in sent), np.uint8)
+    count = len(sent)
+    columns = np.full(count, 5 * MS), np.array([role for role, _ in sent]), np.zeros(count, np.bool_), np.full(count, 3, np.uint8)
+    cycles = assembly.take(*columns, np.arange(count) * 8, data, known)
+    found = [(at, radar, cycle.number, cycle.detections[:, 1].tolist()) for at, radar, cycle in cycles]
+    assert found == [(4, 0, 1, [0, 1]), (5, 1, 6, [5])]
+    assert (assembly.counted(), healths) == (0, [SensorHealth(), SensorHealth()])
 
 
 @given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3), st.integers(0, 2)), max_size=60))
 def test_whatever_comes_a_scan_is_whole_and_every_frame_is_accounted_for(events: list[tuple[int, int, int]]) -> None:
     health = SensorHealth()
-    assembler = ScanAssembler(COUNTED, health)
+    assembler = Assembled(COUNTED, health)
     used, sent, done = 0, 0, []
     for time, (cycle, slot, what) in enumerate(events):
         frame = header(cycle, 2, at=time) if what == 0 else page(cycle, slot, at=time)
@@ -132,8 +192,9 @@ def test_whatever_comes_a_scan_is_whole_and_every_frame_is_accounted_for(events:
         result = assembler.add(frame)
         if result is not None:
             done.append(result)
-            used += 1 + len(result.frames)
-            assert len(result.frames) == 2
-            assert all(frame.cycle == result.header.cycle for frame in result.frames.values() if result.header)
+            used += 1 + len(result.slots)
+            assert result.slots == sorted(set(result.slots))
+            assert len(result.slots) == 2
+            assert set(result.cycles) == {result.number}
     assert used + health.repeated + health.wrong_cycle <= sent
     assert health.incomplete <= sent - used

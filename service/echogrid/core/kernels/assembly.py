@@ -227,4 +227,4 @@ def _integer(payload: Bytes, place: Integers) -> int:
     word = sum(int(payload[at]) << 8 * k for k in range(9) if 0 <= (at := byte + k * step) < len(payload))
     value = word >> shift & ((1 << length) - 1)
     value -= (1 << length) if is_signed and value >> (length - 1) else 0
-    return (value + 2**63) % 2**64 - 2**63
+    return int((value + 2**63) % 2**64 - 2**63)
