@@ -24,9 +24,10 @@ from rosbags.typesys import Stores, get_typestore
 from echogrid.can import dbc_file
 from echogrid.can.dbc import Dbc
 from echogrid.can.decode import BatchDecoder, stack
+from echogrid.can.intake.frames import FrameBatch
 from echogrid.can.profile import find, load_radar
 from echogrid.can.radar import RadarReader
-from echogrid.can.signals import bus_of
+from echogrid.can.signals import SignalReader
 from echogrid.commands.measuring.floors import floors
 from echogrid.commands.measuring.loops import paces, seen
 from echogrid.commands.measuring.stages import stages
@@ -34,11 +35,12 @@ from echogrid.config.loading import load_config
 from echogrid.core.evidence.history import Surroundings
 from echogrid.core.evidence.history_raster import HistoryRaster
 from echogrid.core.evidence.raster import Image
-from echogrid.core.health import SensorHealth
+from echogrid.core.health import Health, SensorHealth
 from echogrid.core.map.look_map import Calibration, LookMap
 from echogrid.core.map.occupancy import OccupancyMap
 from echogrid.core.map.tiled_map import View
 from echogrid.core.mapper import MapUpdate, in_view
+from echogrid.core.messages import RadarScan
 from echogrid.core.motion.se2 import SE2
 from echogrid.logs.drive import find_drive
 from echogrid.logs.log import Log
@@ -88,23 +90,30 @@ def decoding() -> dict[str, float]:
     stamps = iter(range(1, 10**9))
     detections = [(2.0 + 0.3 * i, -1.2 + 0.03 * i, -5.0) for i in range(64)]
     path = find("corner_radar", Path())
-    profile = load_radar(path)
-    radar = RadarReader("radar", profile, Dbc(path.parent / str(profile.dbc), path), 0, SensorHealth())
-    cycles = iter([radar_cycle(detections, number, 1.0 + number) for number in range(1, 220)])
+    fd = cantools.database.load_file(path.parent / str(load_radar(path).dbc), strict=False)
+    config = load_config(DEMO / "echogrid.toml", "analytic")
+    reader = SignalReader(config, DEMO / "echogrid.toml", Health())
+    cycles = [
+        [one for offset in (0, 0x10, 0x20, 0x30) for one in radar_cycle(detections, number, 1.0 + number * 0.05, offset=offset)]
+        for number in range(220)
+    ]
+    batches = iter([FrameBatch.of(cycle) for cycle in cycles])
+    buses = np.zeros(len(cycles[0]), np.int64)
+    fd_cycle = [(fd.get_message_by_frame_id(message.arbitration_id & 0x30F), bytes(message.data)) for message in cycles[0]]
+    scans = [item for _, items in reader.pieces(next(batches), buses) for item in items]
+    assert [len(scan.range) for scan in scans if isinstance(scan, RadarScan)] == [64] * 4
     ford_path = find("ford_mrr", Path())
     mrr = RadarReader("mrr", load_radar(ford_path), Dbc(ford, ford_path), 0, SensorHealth())
-    fd = cantools.database.load_file(path.parent / str(profile.dbc), strict=False)
-    fd_cycle = [(fd.get_message_by_frame_id(message.arbitration_id), bytes(message.data)) for message in radar_cycle(detections, 1, 1.0)]
     mrr_frames = [frame(message.frame_id, payload, 1.0) for message, payload in pairs]
     return {
         "ours, batch": median_us(lambda: ours.decode(stack(payloads, 8))),
         "cantools": median_us(lambda: [message.decode(payload, decode_choices=False) for message, payload in pairs]),
         "opendbc parser": median_us(lambda: parser.update([(next(stamps) * 50_000_000, frames)])),
         "ours, frames taken in one by one": median_us(lambda: [mrr.add(message, 1) for message in mrr_frames]),
-        "ours, FD cycle to scan (9 frames, 64 detections, CRC)": median_us(
-            lambda: [radar.add(message, round(message.timestamp * 1e9)) for message in next(cycles)]
+        "ours, four FD radars' cycle to scans (36 frames, 256 detections, CRC)": median_us(
+            lambda: list(reader.pieces(next(batches), buses))
         ),
-        "cantools, decoding those 9 frames alone": median_us(lambda: [m.decode(data, decode_choices=False) for m, data in fd_cycle]),
+        "cantools, decoding those 36 frames alone": median_us(lambda: [m.decode(data, decode_choices=False) for m, data in fd_cycle]),
     }
 
 
@@ -143,9 +152,8 @@ def models() -> dict[str, float]:
             times.setdefault(name, []).append(median_us(work, repeats=5))
 
     pipeline.mapper.infer, pipeline.mapper.map = noted, LookMap(spec, Calibration())
-    for message in Log(drive.log):
-        update = pipeline.add(bus_of(message, config.bus) or "", message)
-        if update is not None and len(seen) >= EVERY:
+    for update in pipeline.updates(Log(drive.log).batches()):
+        if len(seen) >= EVERY:
             compare(*seen[-1], update.ego.odom_from_base)
             seen.clear()
     return {name: statistics.median(spent) for name, spent in times.items()}
@@ -157,8 +165,7 @@ def keeping() -> dict[str, float]:
     config = load_config(drive.config, "default")
     pipeline = Pipeline(config, drive.config)
     update: MapUpdate | None = None
-    for message in Log(drive.log):
-        update = pipeline.add(bus_of(message, config.bus) or "", message) or update
+    for update in pipeline.updates(Log(drive.log).batches()):
         if pipeline.health.cycles >= 400:
             break
     assert update is not None
