@@ -4,30 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
-from tests.support import posts
-from tests.support.recordings import scan_of
-
-from echogrid.config.tables import Body
-from echogrid_training.drives.drive import write_drive
-from echogrid_training.recording import Motion, RadarMount, Recording, truth_from
+from tests.support.posts_drive import posts_drive
 
 
 @pytest.fixture(scope="session")
 def street(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A drive folder of 15 m between two rows of posts."""
-    scans = [scan_of(sensor, stamp, found) for sensor, stamp, found in posts.scans()]
-    where = posts.SPEED * (posts.MOTION_NS - posts.MOTION_NS[0]) * 1e-9
-    still = np.zeros(len(where))
-    recording = Recording(
-        "street",
-        Body(),
-        tuple(RadarMount(name, mount, 2 * posts.HALF_FOV) for name, mount in posts.MOUNTS.items()),
-        scans,
-        Motion(posts.MOTION_NS, np.full((len(where), 4), posts.SPEED), posts.MOTION_NS, still),
-        truth_from(posts.MOTION_NS, where, still, still),
-    )
-    made = tmp_path_factory.mktemp("own") / "street"
-    write_drive(recording, made)
-    return made
+    return posts_drive(tmp_path_factory.mktemp("own") / "street")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from echogrid.config.tables import Config
 from echogrid.core.messages import Floats, RadarScan
@@ -57,7 +58,7 @@ def placed(
             missed += 1
             continue
         near = np.abs(at_ns - stamp_ns) <= AROUND_NS
-        moving = np.empty((0, 2)) if reckoned is None else reckoned.odom_from_base.inverse().apply(found[near])
+        moving = np.empty((0, 2)) if reckoned is None else reckoned.odom_from_base.inverse().apply(agreed(found[near]))
         points = pose.apply(cloud.points)
         height = heights(points, pose.place)
         laid = matcher.lay(ego.odom_from_base, laid_by(points, height, moving, config))
@@ -93,6 +94,15 @@ def movers(drive: RealDrive, mounts: dict[str, Mount]) -> tuple[Floats, Stamps]:
         places.append((ego.odom_from_base @ mount.base_from_sensor).apply(points))
         stamps.append(np.full(len(points), scan.stamp_ns))
     return np.concatenate(places), np.concatenate(stamps)
+
+
+def agreed(moving: Floats) -> Floats:
+    """Of detections that move, (M, 2) m, those that another one is near: a single one is mostly a wrong Doppler."""
+    if len(moving) < 2:
+        return moving[:0]
+    distance, _ = cKDTree(moving).query(moving, 2)
+    kept: Floats = moving[distance[:, 1] < MOVER]
+    return kept
 
 
 def reduced(turn: Placed, place: Floats, config: Config) -> Reduced:
