@@ -119,12 +119,14 @@ def test_a_cells_log_odds_are_what_the_documentation_makes_of_its_layers() -> No
         assert found, pattern
         return [float(number.replace("−", "-")) for number in found.groups()]
 
-    passed, none = told(rf"free    = ln\({n} p \+ {n}\)")
+    passed, power, none = told(rf"free    = ln\({n} p\^{n} \+ {n}\)")
     share, least, most = told(rf"prior   = clip\({n} z, {n}, {n}\) − free")
     hit, of_hits = told(rf"inside  = prior \+ ln\({n} h \+ {n}\)")
     near, beside_none, doubt, slope = told(rf"beside  = prior \+ ln\({n} v \+ {n}\),  what of it exceeds {n} counts by {n}")
     steep, alone_from, enough = told(rf"alone   = min\({n} z \+ {n}, {n}\) − free")
-    (surer,) = told(rf"what of it is below −2.2 counts {n} times")
+    (surer,) = told(rf"log-odds = −2.2 \+ {n} \(all \+ 2.2\) +where all < −2.2")
+    (undecided,) = told(rf"= {n} \(1 − \(1 \+ all / 2.2\)³\) +up to 0")
+    (calmer,) = told(rf"= {n} all +from there on")
     assert math.log(0.1 / 0.9) == pytest.approx(doubt, abs=0.01)  # "−2.2 is p = 0.1"
     doubt = math.log(0.1 / 0.9)
 
@@ -139,13 +141,16 @@ def test_a_cells_log_odds_are_what_the_documentation_makes_of_its_layers() -> No
             assert found[i, j] == 0
             continue
         z = a * s / w + b if w else 0.0
-        free = math.log(passed * p + none)
+        free = math.log(passed * p**power + none)
         prior = min(max(share * z, least), most) - free
         inside, beside = prior + math.log(hit * h + of_hits), prior + math.log(near * v + beside_none)
         beside = doubt + slope * (beside - doubt) if beside > doubt else beside
         alone = math.exp(2 * (min(steep * z + alone_from, enough) - free)) if w else 0.0
         log_odds = 0.5 * math.log(math.exp(2 * inside) + math.exp(2 * beside) + alone)
-        log_odds = doubt + surer * (log_odds - doubt) if log_odds < doubt else log_odds
+        if log_odds < doubt:
+            log_odds = doubt + surer * (log_odds - doubt)
+        else:
+            log_odds = undecided * (1 - (1 - log_odds / doubt) ** 3) if log_odds < 0 else calmer * log_odds
         assert found[i, j] == pytest.approx(log_odds, abs=1e-3)
 
 

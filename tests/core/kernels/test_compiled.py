@@ -168,7 +168,7 @@ def read_out(random: Random, size: int) -> list[Any]:
     layers[:, :, random.integers(0, size + 1) :] *= random.choice([0, 1])
     strange = random.random(layers.shape) < 0.01
     layers[strange] = random.choice([np.nan, np.inf, -np.inf, 1e-38, -1e30, 1e38], strange.sum())
-    rule = [0.46, 3.2, 1.7, 21.0, 2.5, 0.52, 1.4, np.log(1 / 9), 1 / 9, 0.2, 4.0, 1.3, 3.4, 2.8]
+    rule = [0.372, 2.8, 1.7, 21.0, 2.2, 0.4, 2.8, np.log(1 / 9), 1 / 9, 0.38, 4.0, 2.0, 3.3, 4.2, -2.13, 0.72]
     return [layers, *random.normal(1, 0.3, 2), *rule, np.ones(layers.shape[1:], np.float32)]
 
 

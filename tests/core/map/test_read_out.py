@@ -45,6 +45,23 @@ def test_more_of_each_part_moves_a_cell_its_way() -> None:
         assert (sign * (read_out(more) - before) >= -1e-5).all()
 
 
+def test_how_layers_lie_in_memory_does_not_matter() -> None:
+    layers = np.random.default_rng(2).uniform(0, 9, (5, 6, 8)).astype(np.float32)
+    assert (read_out(np.asfortranarray(layers)) == read_out(layers)).all()
+    assert (read_out(layers[..., ::2]) == read_out(layers)[:, ::2]).all()
+
+
+def test_what_is_not_free_says_more_than_10_percent_when_it_is_rounded_too() -> None:
+    rng = np.random.default_rng(3)
+    layers = rng.uniform(0, 12, (5, 40, 400)).astype(np.float32) * (rng.uniform(size=(5, 40, 400)) < 0.6)
+    layers[0] = rng.normal(-8, 5, (40, 400)) * layers[1]
+    log_odds = read_out(layers)
+    p = 1 / (1 + np.exp(-log_odds[log_odds != 0].astype(float)))
+    free = p < 0.1 + 1e-6
+    assert min(free.sum(), (~free & (p < 0.12)).sum(), (p > 0.5).sum()) > 500
+    assert (np.round(100 * p[~free]) > 10).all()
+
+
 def test_unknown_is_0_and_known_never() -> None:
     alone = np.zeros((5, 5, 150), np.float32)
     for layer in range(5):

@@ -926,21 +926,21 @@ static inline float logarithm(float x) {
 
 /* The numbers of the rule, as the arguments have them. */
 typedef struct {
-    float gain, offset, learned, prior, surest, hit, near, passed, none, doubt, doubted, slope, steep, alone, enough, surer;
+    float gain, offset, learned, prior, surest, hit, near, passed, none, doubt, doubted, slope, steep, alone, enough, surer, least, calmer;
 } Rule;
 
 /* A cell's values stand in arrays from one step to the next: a step that is taken for all cells has no branch. */
 WIDE static void read_block(const float *const *layers, Py_ssize_t width, const Rule *given, float *out) {
     const float *total = layers[0], *weight = layers[1], *hits = layers[2], *beside = layers[3], *passes = layers[4];
     const Rule rule = *given;
-    float mean[BLOCK], said[BLOCK], passing[BLOCK], weighed[BLOCK], aside[BLOCK], bent[BLOCK], lone[BLOCK], odds[BLOCK], surely[BLOCK];
+    float mean[BLOCK], said[BLOCK], passing[BLOCK], weighed[BLOCK], aside[BLOCK], bent[BLOCK], lone[BLOCK], odds[BLOCK], level[BLOCK];
     for (Py_ssize_t j = 0; j < width; j++) {
         float divisor = weight[j] > 1e-6f ? weight[j] : 1e-6f;
         mean[j] = rule.gain * (total[j] / divisor) + rule.offset;
     }
     for (Py_ssize_t j = 0; j < width; j++) said[j] = weight[j] > 0 ? mean[j] : 0;
     for (Py_ssize_t j = 0; j < width; j++) {
-        passing[j] = rule.passed * passes[j] + rule.none;
+        passing[j] = rule.passed * (passes[j] * sqrtf(sqrtf(passes[j]))) + rule.none;
         weighed[j] = exponential(within(rule.learned * said[j], -rule.prior, rule.surest)) / passing[j];
         aside[j] = weighed[j] * (rule.near * beside[j] + rule.none);
     }
@@ -955,12 +955,14 @@ WIDE static void read_block(const float *const *layers, Py_ssize_t width, const 
     for (Py_ssize_t j = 0; j < width; j++) {
         float inside = weighed[j] * (rule.hit * hits[j] + rule.none);
         odds[j] = logarithm(aside[j] * aside[j] + inside * inside + lone[j] * lone[j]) * 0.5f;
-        surely[j] = rule.doubt + rule.surer * (odds[j] - rule.doubt);
+        float above = odds[j] - rule.doubt, share = above / rule.doubt, surely = rule.doubt + rule.surer * above;
+        float between = rule.least + rule.least * (share * share * share), calmly = rule.calmer * odds[j];
+        float beyond = odds[j] < 0 ? between : calmly;
+        level[j] = above < 0 ? surely : beyond;
     }
     for (Py_ssize_t j = 0; j < width; j++) {
         int known = (total[j] != 0) | (weight[j] != 0) | (hits[j] != 0) | (beside[j] != 0) | (passes[j] != 0);
-        float found = odds[j] < rule.doubt ? surely[j] : odds[j];
-        found = found == 0 ? 1.17549435e-38f : found;
+        float found = level[j] == 0 ? 1.17549435e-38f : level[j];
         out[j] = known ? found : 0;
     }
 }
@@ -976,11 +978,11 @@ WIDE static int any(const float *values, Py_ssize_t count) {
 }
 
 KERNEL(read_out) {
-    TAKE("f3xxxxxxxxxxxxxxxxf2!");
+    TAKE("f3xxxxxxxxxxxxxxxxxxf2!");
     Py_ssize_t height = LENGTH(0, 1), width = LENGTH(0, 2);
     if (!sized(&given, LENGTH(0, 0) == 5 && LENGTH(1, 0) == height && LENGTH(1, 1) == width)) return NULL;
-    float numbers[16];
-    for (int n = 0; n < 16; n++) numbers[n] = (float)given.number[n];
+    float numbers[18];
+    for (int n = 0; n < 18; n++) numbers[n] = (float)given.number[n];
     Rule rule;
     memcpy(&rule, numbers, sizeof rule);
     Py_BEGIN_ALLOW_THREADS;

@@ -32,6 +32,8 @@ def read_out(
     alone: float,
     enough: float,
     surer: float,
+    least: float,
+    calmer: float,
     out: Singles,
 ) -> None:
     """Layers (5, H, W) of a LookMap -> (H, W) log-odds by the rule of docs/fusion.md, whose numbers `core.map.read_out` names; 0 where all
@@ -43,7 +45,7 @@ def read_out(
     known = (total != 0) | (weight != 0) | (hits != 0) | (beside != 0) | (passes != 0)
     divisor = np.where(weight > np.float32(1e-6), weight, np.float32(1e-6))
     said = np.where(weight > 0, np.float32(gain) * (total / divisor) + np.float32(offset), np.float32(0))
-    passing = np.float32(passed) * passes + np.float32(none)
+    passing = np.float32(passed) * (passes * np.sqrt(np.sqrt(passes))) + np.float32(none)
     weighed = exponential(within(np.float32(learned) * said, -prior, surest)) / passing
     aside = weighed * (np.float32(near) * beside + np.float32(none))
     bent = np.float32(doubt) + np.float32(slope) * (logarithm(aside) - np.float32(doubt))
@@ -52,8 +54,11 @@ def read_out(
     lone = exponential(within(np.float32(steep) * said + np.float32(alone), -60, enough)) / passing
     lone = np.where(said == 0, np.float32(0), lone)
     log_odds = logarithm(aside * aside + inside * inside + lone * lone) * np.float32(0.5)
-    surely = np.float32(doubt) + np.float32(surer) * (log_odds - np.float32(doubt))
-    log_odds = np.where(log_odds < np.float32(doubt), surely, log_odds)
+    above = log_odds - np.float32(doubt)
+    surely = np.float32(doubt) + np.float32(surer) * above
+    share = above / np.float32(doubt)  # -1 … 0
+    between = np.float32(least) + np.float32(least) * (share * share * share)
+    log_odds = np.where(above < 0, surely, np.where(log_odds < 0, between, np.float32(calmer) * log_odds))
     out[:] = np.where(known, np.where(log_odds == 0, TINY, log_odds), np.float32(0))
 
 

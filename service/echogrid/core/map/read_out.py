@@ -14,13 +14,14 @@ from echogrid.core.kernels.dispatch import loops
 from echogrid.core.map.tile import Layers
 from echogrid.core.map.tiled_map import FREE, LogOdds
 
-LEARNED, PRIOR, SUREST = 0.46, 3.2, 1.7  # share of the network's log-odds that counts; the most it says of free, and of occupied
-HIT, NEAR = 21.0, 2.5  # passes that a look with a reflection in the very cell outweighs, and one with a reflection beside it
-PASS = 0.52  # looks that a passed one is worth: a beam is wider than the cell
-NONE = 1.4  # looks whose evidence is not heard yet
-DOUBT, SLOPE = math.log(FREE / (1 - FREE)), 0.2  # reflections beside a cell lift it out of what is free; from there on they count by SLOPE
-STEEP, ALONE, ENOUGH = 4.0, 1.3, 3.4  # a network that holds a cell for occupied says so by itself: STEEP * learned + ALONE, at most ENOUGH
-SURER = 2.8  # how much surer than it is said to be what is free turns out to be
+LEARNED, PRIOR, SUREST = 0.372, 2.8, 1.7  # share of the network's log-odds that counts; the most it says of free, and of occupied
+HIT, NEAR = 21.0, 2.2  # what a look with a reflection in the very cell counts, and one with a reflection beside it
+PASS = 0.4  # what a passed one counts; n of them count n to the power of 1.25, for they contradict one another less than reflections do
+NONE = 2.8  # looks whose evidence is not heard yet
+DOUBT, SLOPE = math.log(FREE / (1 - FREE)), 0.38  # reflections beside a cell lift it out of what is free; from there on they count by SLOPE
+STEEP, ALONE, ENOUGH = 4.0, 2.0, 3.3  # a network that holds a cell for occupied says so by itself: STEEP * learned + ALONE, at most ENOUGH
+SURER, CALMER = 4.2, 0.72  # how much surer than it is said to be what is free turns out to be, and what is occupied
+LEAST = math.log(0.106 / 0.894)  # what a cell says at least that is not free: in percent it is 11, and no rounding makes it free
 
 
 def read_out(layers: Layers, gain: float = 1.0, offset: float = 0.0) -> LogOdds:
@@ -50,6 +51,8 @@ def read_out(layers: Layers, gain: float = 1.0, offset: float = 0.0) -> LogOdds:
         ALONE,
         ENOUGH,
         SURER,
+        LEAST,
+        CALMER,
         out,
     )
     return out.reshape(layers.shape[1:])
