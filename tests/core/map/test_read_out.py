@@ -45,12 +45,6 @@ def test_more_of_each_part_moves_a_cell_its_way() -> None:
         assert (sign * (read_out(more) - before) >= -1e-5).all()
 
 
-def test_how_layers_lie_in_memory_does_not_matter() -> None:
-    layers = np.random.default_rng(2).uniform(0, 9, (5, 6, 8)).astype(np.float32)
-    assert (read_out(np.asfortranarray(layers)) == read_out(layers)).all()
-    assert (read_out(layers[..., ::2]) == read_out(layers)[:, ::2]).all()
-
-
 def test_what_is_not_free_says_more_than_10_percent_when_it_is_rounded_too() -> None:
     rng = np.random.default_rng(3)
     layers = rng.uniform(0, 12, (5, 40, 400)).astype(np.float32) * (rng.uniform(size=(5, 40, 400)) < 0.6)
