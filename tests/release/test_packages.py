@@ -104,7 +104,9 @@ def test_an_installed_wheel_runs_the_demo(compiled: Path, tmp_path: Path) -> Non
     own = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
 
     def run(*command: str | Path) -> subprocess.CompletedProcess[str]:
-        return subprocess.run([*map(str, command)], cwd=tmp_path, env=own, capture_output=True, text=True, timeout=4 * PATIENCE, check=False)
+        return subprocess.run(
+            [*map(str, command)], cwd=tmp_path, env=own, capture_output=True, text=True, timeout=4 * PATIENCE, check=False
+        )
 
     done = run(sys.executable, "-m", "pip", "--python", python, "install", "--quiet", "--no-index", "--no-deps", compiled)
     assert done.returncode == 0, done.stderr
