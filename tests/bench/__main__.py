@@ -39,7 +39,7 @@ from echogrid.core.health import Health, SensorHealth
 from echogrid.core.map.look_map import Calibration, LookMap
 from echogrid.core.map.occupancy import OccupancyMap
 from echogrid.core.map.tiled_map import View
-from echogrid.core.mapper import MapUpdate, in_view
+from echogrid.core.mapper import in_view
 from echogrid.core.messages import RadarScan
 from echogrid.core.motion.se2 import SE2
 from echogrid.logs.drive import find_drive
@@ -164,11 +164,7 @@ def keeping() -> dict[str, float]:
     drive = find_drive(DEMO, None)
     config = load_config(drive.config, "default")
     pipeline = Pipeline(config, drive.config)
-    update: MapUpdate | None = None
-    for update in pipeline.updates(Log(drive.log).batches()):
-        if pipeline.health.cycles >= 400:
-            break
-    assert update is not None
+    update = next(update for update in pipeline.updates(Log(drive.log).batches()) if pipeline.health.cycles >= 400)
     tile = max(pipeline.mapper.map.tiles.values(), key=lambda tile: int((tile.seen_s > 0).sum()))
     packed, layers = tile_data.encode(tile), len(tile.layers)
     arrays = {"layers": tile.layers, "seen_s": tile.seen_s, "radars": tile.radars}
