@@ -28,7 +28,7 @@ GROWTH = 1.15
 TURNS, ROUNDS = 8, 6  # of a loop: a round that is within the budget ends it
 # Calls in an update.
 CALLS: dict[str, float] = {
-    "frames to scans and motion": 1720,
+    "frames to scans and motion": 848,
     "motion to poses": 340,
     "trust: which radars, which motion": 323,
     "poses, detections, movers and the rest": 238,
