@@ -52,6 +52,7 @@ from echogrid.topics.announcer import Announcer, Snapshots, occupancy_percent
 from echogrid.topics.grids import Grid, encode_grid
 from echogrid_training.drives import campaign
 from echogrid_training.drives.samples import samples
+from tests.bench.elfes import elfes
 from tests.bench.reading import reading
 from tests.support.frames import frame, radar_cycle
 from tests.support.places import ROOT
@@ -218,7 +219,7 @@ def main() -> None:
     drive = find_drive(DEMO, None)
     loops = paces(seen(drive))
     parts = {model: stages(drive, model, 60.0) for model in ("default", "analytic")}
-    simulation = simulating()
+    simulation, beside = simulating(), elfes()
     alone = subprocess.run([sys.executable, "-m", "tests.bench.live", "30"], cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
     running: dict[str, float] = json.loads(alone.stdout)  # of a process that holds nothing else
     rates = reading(drive.log)
@@ -236,6 +237,9 @@ def main() -> None:
         print(f"  {'whole cycle':<56}{found.cycle_ms * 1e3:9.1f} us")
         if found.inference_ms is not None:
             print(f"  {'whole cycle against an inference':<56}{found.cycle_ms / found.inference_ms:9.2f} x")
+    print(f"the analytic update beside others, {beside.pop('detections')} detections")
+    for name, row in beside.items():
+        print(f"  {name:<56}{row['us']:9.1f} us, quartiles {row['quartiles_us']}, ours against it{row['ours_against_it']:8.2f} x")
     print("models and maps, one update")
     analytic = costs[ANALYTIC]
     for name, value in costs.items():
@@ -262,6 +266,7 @@ def main() -> None:
                 "floors": best,
                 "live": running,
                 "update_ms": {model: found.per_update_ms for model, found in parts.items()},
+                "analytic": beside,
                 "models_us": costs,
                 "keep": kept,
                 "simulate": simulation,

@@ -56,7 +56,7 @@ SHARES: dict[str, float] = {
     "draw_now": 0.049,
     "draw_passes": 0.148,
     "draw_past": 0.206,
-    "elfes": 0.092,
+    "elfes": 0.06,
     "fold": 0.202,
     "look": 0.097,
     "moved": 0.163,

@@ -40,6 +40,8 @@ class AnalyticSensorModel:
     def __init__(self, spec: GridSpec, mounts: Sequence[Mount], beam: BeamModel | None = None) -> None:
         self.spec = spec
         self.beam = beam or BeamModel()
+        sigmas, self._weights = self.beam.spread()
+        self._offsets = sigmas * self.beam.beam_sigma  # rad, of the rays
         centres = spec.centres().reshape(-1, 2)
         origins = np.array([(mount.base_from_sensor.x, mount.base_from_sensor.y) for mount in mounts]).reshape(-1, 2)
         distance = np.hypot(*(centres[None] - origins[:, None]).transpose(2, 0, 1))  # (mounts, H * W)
@@ -53,10 +55,12 @@ class AnalyticSensorModel:
     def __call__(self, image: Image) -> Image:
         """Sum of what every drawn detection says."""
         drawn = np.flatnonzero((image[0].reshape(-1) > 0) & self._seen)
-        sigmas, weights = self.beam.spread()
-        angles = self._bearing[drawn, None] + sigmas * self.beam.beam_sigma
-        rays = np.stack((np.cos(angles), np.sin(angles)), axis=-1)  # (D, rays, 2)
+        angles = self._bearing[drawn, None] + self._offsets
+        rays = np.empty((*angles.shape, 2))  # (D, rays, 2)
+        np.cos(angles, out=rays[..., 0])
+        np.sin(angles, out=rays[..., 1])
         spec, beam, out = self.spec, self.beam, np.empty(image[0].shape, dtype=np.float32)
         margin = beam.margin * spec.cell
-        loops.elfes(self._origins[drawn], self._distance[drawn], rays, weights, spec.half, spec.cell, beam.free, beam.occupied, margin, out)
+        origins, distance = self._origins[drawn], self._distance[drawn]
+        loops.elfes(origins, distance, rays, self._weights, spec.half, spec.cell, beam.free, beam.occupied, margin, out)
         return out

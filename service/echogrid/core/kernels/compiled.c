@@ -458,79 +458,10 @@ KERNEL(add_clamped) {
     return done(&given);
 }
 
-KERNEL(elfes) {
-    TAKE("d2d1d3d1xxxxxf2!");
-    Py_ssize_t size = LENGTH(0, 0), rays = LENGTH(3, 0), side = LENGTH(4, 0), cells = side * side;
-    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(2, 1) == rays && LENGTH(2, 2) == 2 &&
-                           LENGTH(4, 1) == side))
-        return NULL;
-    const double *distances = ARRAY(1)->buf, *weights = ARRAY(3)->buf;
-    double half = given.number[0], cell = given.number[1], free_ = given.number[2], occupied = given.number[3], step = cell / 2;
-    double *total = calloc(2 * cells, sizeof *total), *one = total + cells; /* of all detections, and of the one at hand */
-    int32_t *by = calloc(3 * cells, sizeof *by), *mine = by + cells, *list = by + 2 * cells; /* ray and detection that touched a cell last */
-    if (total == NULL || by == NULL) {
-        free(total);
-        free(by);
-        drop(&given);
-        return PyErr_NoMemory();
-    }
-    Py_BEGIN_ALLOW_THREADS;
-    for (Py_ssize_t n = 0; n < size; n++) {
-        const double *origin = ROW(double, 0, n);
-        double distance = distances[n];
-        Py_ssize_t touched = 0, steps = (Py_ssize_t)ceil((distance - given.number[4] - step) / step);
-        for (Py_ssize_t r = 0; r < 2 * rays; r++) { /* what the rays pass, then where they end */
-            const double *ray = ROW3(double, 2, n, r % rays);
-            int ends = r >= rays;
-            double said = ends ? occupied * weights[r - rays] : free_ * weights[r];
-            for (Py_ssize_t k = 0; k < (ends ? 1 : steps); k++) {
-                double along = ends ? distance : step + (double)k * step;
-                Py_ssize_t at = patch_cell(origin[0] + along * ray[0], origin[1] + along * ray[1], half, cell, side);
-                int32_t stamp = (int32_t)(n * rays + r + 1);
-                if (at < 0 || (!ends && by[at] == stamp)) continue;
-                if (!ends) by[at] = stamp;
-                if (mine[at] != n + 1) {
-                    mine[at] = (int32_t)(n + 1);
-                    list[touched++] = (int32_t)at;
-                }
-                one[at] += said;
-            }
-        }
-        for (Py_ssize_t t = 0; t < touched; t++) {
-            total[list[t]] += (double)(float)one[list[t]];
-            one[list[t]] = 0;
-        }
-    }
-    for (Py_ssize_t i = 0; i < side; i++)
-        for (Py_ssize_t j = 0; j < side; j++) ROW(float, 4, i)[j] = (float)total[i * side + j];
-    Py_END_ALLOW_THREADS;
-    free(total);
-    free(by);
-    return done(&given);
-}
-
-/* What a look adds to one cell, by its row and column in the window. */
-typedef struct {
-    int16_t row, column;
-    uint16_t who, passed;
-    double share, near;
-} Touched;
-
 typedef struct {
     int64_t row, column, size; /* of the first cell in the map, and along a side */
-    double cell, inverse;
+    double cell, inverse, shift; /* of points, before they are divided into cells */
 } Window;
-
-static inline Touched *touch(Touched *list, int32_t *place, Py_ssize_t *count, int64_t row, int64_t column, int64_t size) {
-    int64_t cell = row * size + column;
-    if (!place[cell]) {
-        list[*count] = (Touched){.row = (int16_t)row, .column = (int16_t)column};
-        place[cell] = (int32_t)++*count;
-    }
-    return &list[place[cell] - 1];
-}
-
-static int ascending(const void *one, const void *other) { return (*(int32_t *)one > *(int32_t *)other) - (*(int32_t *)one < *(int32_t *)other); }
 
 /* floor(x / cell): by its inverse, except where that lies so near to a whole number that the quotient might be on the other side of it. */
 static inline int64_t floored_quotient(double x, const Window *window) {
@@ -540,23 +471,24 @@ static inline int64_t floored_quotient(double x, const Window *window) {
 }
 
 static inline int inside_window(double x, double y, const Window *window, int64_t *row, int64_t *column) {
-    *column = floored_quotient(x, window) - window->column;
-    *row = floored_quotient(y, window) - window->row;
+    *column = floored_quotient(x + window->shift, window) - window->column;
+    *row = floored_quotient(y + window->shift, window) - window->row;
     return *row >= 0 && *row < window->size && *column >= 0 && *column < window->size;
 }
 
 /* Cells of the window at so many points of a beam, a step and more from its origin on; -1 outside. Almost always by the inverse of a cell's
  * side, as in floored_quotient, for all points alike. */
 WIDE static void along_beam(Py_ssize_t points, const double *origin, const double *direction, double step, const Window *window, int32_t *out) {
-    const double first_column = (double)window->column, first_row = (double)window->row, size = (double)window->size, inverse = window->inverse;
+    const double first_column = (double)window->column, first_row = (double)window->row, size = (double)window->size;
+    const double inverse = window->inverse, shift = window->shift;
     const double x = origin[0], y = origin[1], dx = direction[0], dy = direction[1];
     double far = fabs(x) > fabs(y) ? fabs(x) : fabs(y);
-    int doubtful = !((far + step * (double)(points + 1)) * inverse < 1e6);
+    int doubtful = !((far + shift + step * (double)(points + 1)) * inverse < 1e6);
     const int32_t across = (int32_t)window->size;
     for (Py_ssize_t k = 0; !doubtful && k < points; k += BLOCK) {
         int32_t some = (int32_t)(points - k < BLOCK ? points - k : BLOCK), close = 0;
         for (int32_t n = 0; n < some; n++) {
-            double along = step + (double)((int32_t)k + n) * step, u = (x + along * dx) * inverse, v = (y + along * dy) * inverse;
+            double along = step + (double)((int32_t)k + n) * step, u = (x + along * dx + shift) * inverse, v = (y + along * dy + shift) * inverse;
             double column = (double)(int32_t)u, row = (double)(int32_t)v;
             column -= u < column ? 1.0 : 0.0;
             row -= v < row ? 1.0 : 0.0;
@@ -575,6 +507,82 @@ WIDE static void along_beam(Py_ssize_t points, const double *origin, const doubl
         out[k] = inside_window(x + along * dx, y + along * dy, window, &row, &column) ? (int32_t)(row * window->size + column) : -1;
     }
 }
+
+KERNEL(elfes) {
+    TAKE("d2d1d3d1xxxxxf2!");
+    Py_ssize_t size = LENGTH(0, 0), rays = LENGTH(3, 0), side = LENGTH(4, 0), cells = side * side;
+    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(2, 1) == rays && LENGTH(2, 2) == 2 &&
+                           LENGTH(4, 1) == side))
+        return NULL;
+    const double *distances = ARRAY(1)->buf, *weights = ARRAY(3)->buf;
+    double half = given.number[0], cell = given.number[1], free_ = given.number[2], occupied = given.number[3], step = cell / 2;
+    const Window window = {0, 0, side, cell, 1 / cell, half};
+    double longest = 0;
+    for (Py_ssize_t n = 0; n < size; n++) longest = distances[n] > longest ? distances[n] : longest;
+    double *total = calloc(2 * cells, sizeof *total), *one = total + cells; /* of all detections, and of the one at hand */
+    int32_t *mine = calloc(2 * cells, sizeof *mine), *list = mine + cells; /* the detection that touched a cell last; what this one touched */
+    int32_t *way = isfinite(longest) ? malloc((size_t)(longest / step + 3) * sizeof *way) : NULL;
+    if (total == NULL || mine == NULL || way == NULL) {
+        free(total);
+        free(mine);
+        free(way);
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    Py_BEGIN_ALLOW_THREADS;
+    for (Py_ssize_t n = 0; n < size; n++) {
+        const double *origin = ROW(double, 0, n);
+        double distance = distances[n];
+        Py_ssize_t touched = 0, steps = (Py_ssize_t)ceil((distance - given.number[4] - step) / step);
+        for (Py_ssize_t r = 0; r < 2 * rays; r++) { /* what the rays pass, then where they end */
+            const double *ray = ROW3(double, 2, n, r % rays);
+            int ends = r >= rays;
+            double said = ends ? occupied * weights[r - rays] : free_ * weights[r];
+            if (ends) way[0] = (int32_t)patch_cell(origin[0] + distance * ray[0], origin[1] + distance * ray[1], half, cell, side);
+            else along_beam(steps, origin, ray, step, &window, way);
+            int32_t before = -1;
+            for (Py_ssize_t k = 0; k < (ends ? 1 : steps); k++) {
+                int32_t at = way[k];
+                if (at < 0 || at == before) continue;
+                before = at;
+                if (mine[at] != n + 1) {
+                    mine[at] = (int32_t)(n + 1);
+                    list[touched++] = at;
+                }
+                one[at] += said;
+            }
+        }
+        for (Py_ssize_t t = 0; t < touched; t++) {
+            total[list[t]] += (double)(float)one[list[t]];
+            one[list[t]] = 0;
+        }
+    }
+    for (Py_ssize_t i = 0; i < side; i++)
+        for (Py_ssize_t j = 0; j < side; j++) ROW(float, 4, i)[j] = (float)total[i * side + j];
+    Py_END_ALLOW_THREADS;
+    free(total);
+    free(mine);
+    free(way);
+    return done(&given);
+}
+
+/* What a look adds to one cell, by its row and column in the window. */
+typedef struct {
+    int16_t row, column;
+    uint16_t who, passed;
+    double share, near;
+} Touched;
+
+static inline Touched *touch(Touched *list, int32_t *place, Py_ssize_t *count, int64_t row, int64_t column, int64_t size) {
+    int64_t cell = row * size + column;
+    if (!place[cell]) {
+        list[*count] = (Touched){.row = (int16_t)row, .column = (int16_t)column};
+        place[cell] = (int32_t)++*count;
+    }
+    return &list[place[cell] - 1];
+}
+
+static int ascending(const void *one, const void *other) { return (*(int32_t *)one > *(int32_t *)other) - (*(int32_t *)one < *(int32_t *)other); }
 
 KERNEL(look) {
     TAKE("xxxxd2d1d2d2d2d1H1xl1d1f1!B1!B1!i1!l1!i1!f1!f1!f1!H1!");
@@ -609,7 +617,7 @@ KERNEL(look) {
         drop(&given);
         return PyErr_NoMemory();
     }
-    const Window window = {row, column, size, cell, 1 / cell};
+    const Window window = {row, column, size, cell, 1 / cell, 0};
     int64_t r, c;
     Py_BEGIN_ALLOW_THREADS;
     for (Py_ssize_t n = 0; n < beams * rays; n++) {
