@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from contextlib import ExitStack
 
-from echogrid.can.bus import LiveBus
+from echogrid.can.bus import GATHER, LiveBus
 from echogrid.can.frame_queue import FrameQueue
 from echogrid.can.signals import SignalReader
 from echogrid.config.tables import Bus
@@ -33,4 +33,4 @@ class Receiving:
         while not stop.is_set():
             batch = bus.receive(WAIT)
             if batch is not None:
-                self.queue.put(bus.bus.name, batch)
+                self.queue.put(bus.bus.name, batch, GATHER)
