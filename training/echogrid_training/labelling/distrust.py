@@ -20,7 +20,7 @@ from echogrid_training.labelling.lidar_turn import standing
 
 ASKED = 80  # turns that sharpness is tried on
 DELAYS_MS = np.arange(-200.0, 201.0, 20.0)
-SPAN, STRAIGHT, TURNED, LEAST_SPANS = 1.0, math.radians(12.0), 0.8, 3  # m, rad, degrees, and how many of them
+SPAN, STRAIGHT, TURNED, LEAST_SPANS = 1.0, math.radians(16.0), 0.8, 3  # m, rad, degrees, and how many of them
 FINE, NEAR = 0.1, 20.0  # m: cells that are counted, and how far from the lidar
 CLEARLY = 0.01  # of the cells: what a better place has to save to be believed
 TURNING = math.radians(8.0)  # rad/s from which a delay shows
