@@ -109,3 +109,16 @@ def test_layers_are_resampled_as_if_each_were_alone() -> None:
 
 def test_every_update_is_taken() -> None:
     assert all(OccupancyMap(SPEC).takes(IDENTITY) for _ in range(5))
+
+
+@given(st.builds(SE2, st.floats(-20, 20), st.floats(-20, 20), st.floats(-7, 7)))
+def test_a_footprint_holds_the_patch_and_hardly_more(pose: SE2) -> None:
+    """What is beyond costs time, and tiles that nothing is known of."""
+    footprint = Footprint.of(pose, SMALL)
+    edge = SMALL.half + SMALL.cell / 2
+    corners = pose.apply(np.array([(x, y) for x in (-edge, edge) for y in (-edge, edge)])) / SMALL.cell
+    for (least, most), first, count in zip(
+        np.stack((corners.min(axis=0), corners.max(axis=0)), axis=1), (footprint.column, footprint.row), footprint.shape[::-1], strict=True
+    ):
+        assert first <= least + 1e-9 < first + 1 + 2e-9
+        assert most - 1e-9 <= first + count < most + 3
