@@ -86,8 +86,8 @@ def samples(folder: Path, disturbance: Disturbance | None = None, spacing: float
             lidar = rasterize(truth.lidar_points(update.ego.stamp_ns, pose), spec)[0] > 0
             patch = truth.map.patch(pose, spec)
             if not whole:
-                patch[~earned(patch, seen[0], spec)] = 0.0
-            yield Sample(update.ego.stamp_ns, lidar.astype(np.uint8), raster(seen[0]), patch, pose)
+                patch[~earned(patch, newest[0], spec)] = 0.0
+            yield Sample(update.ego.stamp_ns, lidar.astype(np.uint8), raster(newest[0]), patch, pose)
 
 
 def _disturbed(on_scan: Callable[[RadarScan], None], disturbance: Disturbance) -> Callable[[RadarScan], None]:
