@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import signal
+
 import pytest
 from hypothesis import settings
 
 from tests.support.ports import free_port
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as of a job in the background; programs that tests start would not hear Ctrl-C
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 settings.register_profile("steady", derandomize=True, deadline=None)  # the same examples each time, however busy the machine
 settings.register_profile("roaming", max_examples=1000, deadline=None)  # make fuzz
