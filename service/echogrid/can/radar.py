@@ -74,7 +74,7 @@ class RadarReader:
         if cycle.header_ns is not None and self.cadence is not None:
             self.cadence.add(cycle.number, cycle.header_ns)
         sent_ns = cycle.opened_ns if cycle.header_ns is None else cycle.header_ns
-        range_, azimuth, range_rate, rcs = self._detections(detections, cycle.count) if len(detections) else _NOTHING
+        range_, azimuth, range_rate, rcs = self._detections(detections, cycle.announced) if len(detections) else _NOTHING
         lag, missed = (0.0, 0) if self.cadence is None else (self.cadence.lag, self.cadence.missed)
         return RadarScan(
             self.sensor,

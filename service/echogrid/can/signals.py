@@ -158,7 +158,7 @@ class SignalReader:
             return found
         batch = intake.batch
         columns = (places, intake.roles[places], intake.received_ns[places], batch.begins[places], batch.sizes[places])
-        data = memoryview(batch.data)
+        data = batch.data.data
         for at, role, received_ns, first, size in zip(*(column.tolist() for column in columns), strict=True):
             reader, frame_id = self._table.others[role]
             payload = bytes(data[first : first + size])

@@ -105,7 +105,7 @@ def stages(
         while (piece := step()) is not None:
             yield piece
 
-    pipeline.signals.pieces = counted_pieces  # type: ignore[method-assign]
+    pipeline.signals.pieces = counted_pieces  # type: ignore[assignment, method-assign]
     watch.on(mapper, **MAPPER)
     watch.on(mapper.doppler, add="errors of wheels and mounts, by Doppler")
     watch.on(mapper.history, add="history", surroundings="history")

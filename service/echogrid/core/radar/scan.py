@@ -48,12 +48,12 @@ class AssemblyRule:
 
 
 class Cycle(NamedTuple):
-    """A whole cycle, until the next frame is taken. `count`: detections as the header says; -1: no word."""
+    """A whole cycle, until the next frame is taken. `announced`: detections as the header says; -1: no word."""
 
     opened_ns: int
     header_ns: int | None  # None: no header
     number: int  # of the header's cycle
-    count: int
+    announced: int
     detections: Rows  # (N, 64) in the order of their slots
     header: Rows  # (1, 64), as the rest
     end: Rows | None
