@@ -4,36 +4,47 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Iterator
 from types import SimpleNamespace
 
 import can
+import numpy as np
+from numpy.typing import NDArray
 
 from echogrid.can.frame_queue import FrameQueue
+from echogrid.can.intake.frames import FrameBatch
 from echogrid.config.tables import Publish
+from echogrid.core.mapper import MapUpdate
 from echogrid.core.trust.watch import State
 from echogrid.live.mapping import MOST_LAG, Mapping
 
 
 def test_a_map_that_is_more_than_a_second_behind_the_buses_is_stale() -> None:
     """And it is well again with the first frame that does not have to wait."""
-    queue, stop, seconds = FrameQueue(64, lambda bus, message: False), threading.Event(), [MOST_LAG + 0.1, 0.0]
-    pipeline = SimpleNamespace(config=SimpleNamespace(publish=Publish()), state=lambda silence_ns: State("degraded", ("radar x: silent",)))
+    queue = FrameQueue(64, lambda bus, batch: np.zeros(len(batch), bool))
+    stop, seconds = threading.Event(), [MOST_LAG + 0.1, 0.0]
+    pipeline = SimpleNamespace(
+        config=SimpleNamespace(publish=Publish()),
+        mapper=None,
+        signals=SimpleNamespace(number=lambda bus: 0),
+        state=lambda silence_ns: State("degraded", ("radar x: silent",)),
+    )
     states: list[State] = []
 
-    def add(bus: str, message: can.Message) -> None:
+    def take(batch: FrameBatch, buses: NDArray[np.int64]) -> Iterator[tuple[int, MapUpdate | None]]:
         time.sleep(seconds.pop(0))
+        yield from ()
 
-    mapping = Mapping(pipeline, add, queue)  # type: ignore[arg-type]
+    mapping = Mapping(pipeline, take, queue)  # type: ignore[arg-type]
     thread = threading.Thread(target=mapping.run, args=(stop,))
     thread.start()
     for left in (1, 0):
-        queue.put("can0", can.Message())
-        while len(seconds) > left:
+        queue.put("can0", FrameBatch.of([can.Message()]))
+        while len(seconds) > left and thread.is_alive():
             time.sleep(0.005)
-        with mapping.lock:  # the frame is mapped
-            pass
         time.sleep(0.05)
-        states.append(mapping.state())
+        with mapping.lock:  # the frame is mapped
+            states.append(mapping.state())
     stop.set()
     thread.join()
     assert states[0].name == "stale"
