@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -77,6 +78,17 @@ def test_a_swapped_or_mirrored_radar_shows_how_it_is_mounted(really: int, mirror
     if other.mirrored != mirrored:  # at a speed straight ahead, reversed azimuths fit the mirror image of the mount just as well
         expected = -expected
     assert abs(np.angle(np.exp(1j * (yaw - expected)))) < math.radians(10)
+
+
+def test_a_turned_radar_is_not_called_mirrored() -> None:
+    """One scan fits a mirror image just as well, in a bend too: the plainer of the two is said."""
+    configured = MOUNTS[0].base_from_sensor
+    turned = replace(MOUNTS[0], base_from_sensor=SE2(configured.x, configured.y, configured.yaw + math.radians(60.0)))
+    measured = scan(turned, 6.0, 0.8, np.random.default_rng(8), 40)
+    other = other_mount(measured, MOUNTS[0], EgoState(0, IDENTITY, 6.0, 0.8), GateNoise())
+    assert not other.mirrored
+    assert other.share > 0.9
+    assert abs(math.remainder(math.radians(other.yaw_deg) - turned.base_from_sensor.yaw, math.tau)) < math.radians(10)
 
 
 def test_what_moves_fits_no_mount() -> None:

@@ -6,7 +6,7 @@ import re
 
 from echogrid.core.messages import Speed, YawRate
 from echogrid.core.radar.doppler_motion import DopplerMotion
-from echogrid.core.trust.motion_watch import MotionWatch
+from echogrid.core.trust.motion_watch import NOTED_NS, MotionWatch, Verdict
 
 STEP_NS = 50_000_000
 
@@ -43,3 +43,31 @@ def test_the_reason_tells_values_that_differ() -> None:
 def test_wheels_that_read_0_while_the_car_moves_stay_disputed() -> None:
     watch = MotionWatch()
     assert drive(watch, 0, 60, 0.0, 3.0)[-1] == "wheel speed: is stuck at 0.00 m/s, the radars measure 3.00 m/s"
+
+
+def test_a_second_sample_of_the_same_time_is_old() -> None:
+    watch = MotionWatch()
+    verdicts = [watch.judge(Speed(time_ns, 5.0)) for time_ns in (STEP_NS, STEP_NS, STEP_NS - 1, STEP_NS + 1)]
+    assert verdicts == [Verdict.GOOD, Verdict.OLD, Verdict.OLD, Verdict.GOOD]
+
+
+def test_what_differs_by_more_than_is_too_much_is_disputed_whether_stuck_or_not() -> None:
+    """Of wheels at 10 m/s 0.5 m/s and 5 % are too much: 1.0 m/s. They go up and down by a hair, as wheels that work do."""
+    for off, is_disputed in ((0.9, False), (1.15, True)):
+        watch = MotionWatch()
+        for n in range(120):
+            wheels = 10.0 + 0.001 * (n % 2)
+            watch.judge(Speed(n * STEP_NS, wheels))
+            watch.judge(YawRate(n * STEP_NS, 0.001 * (n % 2)))
+            watch.compare(n * STEP_NS, wheels, 0.0, 0.2, DopplerMotion(wheels + off, 0.0, 0.9))
+        assert (watch.disputed is not None) is is_disputed, off
+
+
+def test_an_implausible_sample_is_noted_for_a_second() -> None:
+    watch = MotionWatch()
+    for n in range(3):
+        watch.judge(Speed(n * STEP_NS, 5.0))
+    assert watch.noted(2 * STEP_NS) == []
+    assert watch.judge(Speed(3 * STEP_NS, 60.0)) is Verdict.IMPLAUSIBLE
+    assert watch.noted(3 * STEP_NS + NOTED_NS) == ["wheel speed: jumps to 60.0 m/s"]
+    assert watch.noted(3 * STEP_NS + NOTED_NS + 1) == []
