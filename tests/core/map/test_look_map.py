@@ -10,7 +10,9 @@ import pytest
 from echogrid.core.evidence.beams import Beams
 from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.map.look_map import MOST_LOOKS, MOST_MEASURED, STEP, TURN, UPDATES, Calibration, LookMap
+from echogrid.core.map.measurement import ARRIVED
 from echogrid.core.map.occupancy import OccupancyMap
+from echogrid.core.map.standstill import Standstill
 from echogrid.core.map.tile import SIDE
 from echogrid.core.map.tiled_map import View, probability
 from echogrid.core.motion.se2 import IDENTITY, SE2
@@ -181,6 +183,34 @@ def test_an_object_that_arrives_or_leaves_beside_a_standing_car_shows_within_thr
     assert stand(11.0, 3.0, place, behind) > 0
     assert stand(14.0, 20.0, place, behind) > 0
     assert stand(34.0, 3.0, behind) < 0
+
+
+def test_an_arrival_counts_once_an_update_however_many_reflections_it_has() -> None:
+    """Before the wall behind it three reflections lie in one cell: four looks with a reflection and no more; of one, some lies beside it."""
+
+    def hits(*places: tuple[float, float]) -> float:
+        occupancy = LookMap(SPEC, LEARNED)
+        for n in range(300):
+            occupancy.takes(IDENTITY)
+            occupancy.measure(beams(*(places if n > 200 else ()), (12.12, 0.12)), IDENTITY, view(1.0 + 0.05 * n))
+        return float(occupancy.window_of_layers(0, 24, 1, 1)[2, 0, 0])
+
+    assert ARRIVED / 2 < hits((6.12, 0.12)) < ARRIVED
+    assert hits((6.12, 0.12), (6.13, 0.12), (6.12, 0.13)) == pytest.approx(ARRIVED)
+
+
+def test_updates_of_the_same_time_make_nothing_arrive() -> None:
+    standstill, place = Standstill(40, SPEC.cell), np.array([20 * 40 + 30])
+    for _ in range(200):
+        standstill.see(place[:0], 0.05)
+    assert not any(standstill.see(place, seconds)[0].any() for seconds in [0.0] * 40 + [-3.0] * 40)
+    assert any(standstill.see(place, 0.05)[0][place[0]] for _ in range(40))
+
+
+def test_reflections_beside_a_cell_or_in_it_and_beams_through_it_are_measured() -> None:
+    layers = np.zeros((LookMap.layers, 1, LookMap.layers), np.float32)
+    layers[range(LookMap.layers), 0, range(LookMap.layers)] = 0.5
+    assert LookMap(SPEC, LEARNED).measured(layers).tolist() == [[False, False, True, True, True]]
 
 
 def test_standing_the_map_is_as_fresh_as_its_newest_update() -> None:
