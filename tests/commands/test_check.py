@@ -68,7 +68,17 @@ def replayed(folder: Path, name: str, data: bytes, store: Path | None = None) ->
     path.write_bytes(data)
     (folder / "echogrid.toml").write_text(world.CONFIG)
     try:
-        replay_command(path, folder / "echogrid.toml", folder / "out", realtime=False, model=None, record=None, store=store, as_json=False)
+        replay_command(
+            path,
+            folder / "echogrid.toml",
+            folder / "out",
+            realtime=False,
+            model=None,
+            record=None,
+            store=store,
+            learn_first=False,
+            as_json=False,
+        )
     except EchogridError as error:
         said = str(error)
     return said

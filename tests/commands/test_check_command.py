@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -12,13 +10,9 @@ import can
 import pytest
 from tests.judging.mistakes import PLANTED, Planted
 from tests.judging.trial import winding
+from tests.support.program import echogrid
 
 from echogrid.judging.finding import CODES
-
-
-def echogrid(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-W", "error", "-m", "echogrid", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
 def written(folder: Path, planted: Planted) -> tuple[Path, Path]:

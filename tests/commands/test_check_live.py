@@ -9,9 +9,10 @@ from pathlib import Path
 
 import can
 import pytest
-from tests.commands.test_check_command import echogrid, written
+from tests.commands.test_check_command import written
 from tests.judging.mistakes import PLANTED
 from tests.judging.trial import winding
+from tests.support.program import echogrid
 
 from echogrid.commands.check import command
 from echogrid.commands.judged import check_log

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.commands.test_check_command import echogrid, written
+from tests.commands.test_check_command import written
 from tests.judging.trial import winding
 from tests.support.own_cars import CARS
+from tests.support.program import echogrid
 from tests.support.world import RADARS
 
 from echogrid.commands.replay import replay

@@ -30,6 +30,7 @@ from echogrid import cli as service
 from echogrid_training import cli as training
 
 NOT_RUN = {
+    r"echogrid demo\b": "plays a whole drive: tests/release/test_packages.py",
     r"echogrid run\b": "opens CAN interfaces until it is stopped: tests/live, tests/rig",
     r"echogrid view\b": "serves until Ctrl-C: tests/viewing",
     r"echogrid status\b": "asks a running service: tests/commands/test_status.py",

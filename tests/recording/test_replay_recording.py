@@ -5,13 +5,16 @@ from __future__ import annotations
 import shutil
 import threading
 from argparse import ArgumentTypeError
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import can
+import numpy as np
 import pytest
 import yaml
 from mcap.reader import make_reader
+from numpy.typing import NDArray
 from rosbags.convert.converter import convert
 from rosbags.rosbag2 import Reader
 from tests.support import mcap_files, world
@@ -20,6 +23,7 @@ from tests.support.program import echogrid
 from tests.support.waiting import PATIENCE, until
 
 from echogrid.arguments import address as read_address
+from echogrid.can.intake.frames import AnyFrame, FrameBatch
 from echogrid.commands.recorder import Recorder
 from echogrid.commands.replay import replay
 from echogrid.config.loading import load_config
@@ -181,13 +185,13 @@ def test_a_running_service_records_what_it_maps_and_publishes_and_shows_it(drive
     path, source = tmp_path / "live.mcap", tmp_path / "echogrid.toml"
     source.write_text(world.CONFIG.replace('channel = "can0"', 'channel = "can0"\nlog_channel = 7'))
     pipeline = Pipeline(on_virtual_buses(load_config(source)), source)
-    recorder, mapped, sink = Recorder(pipeline), list[can.Message](), Everything()
+    recorder, mapped, sink = Recorder(pipeline), list[AnyFrame](), Everything()
 
-    def add(bus: str, message: can.Message) -> MapUpdate | None:
-        mapped.append(message)
-        return recorder.add(bus, message)
+    def take(batch: FrameBatch, buses: NDArray[np.int64]) -> Iterator[tuple[int, MapUpdate | None]]:
+        mapped.extend(batch)
+        yield from recorder.take(batch, buses)
 
-    service = Service(pipeline, add, record=path, foxglove=("127.0.0.1", 0))
+    service = Service(pipeline, take, record=path, foxglove=("127.0.0.1", 0))
     service.publishing.sinks.append(sink)
     thread = threading.Thread(target=service.run)
     thread.start()

@@ -9,7 +9,7 @@ from typing import Any
 from echogrid.core.trust.watch import State
 
 LOOK_S = 0.1  # s of the drive between two looks
-HARMLESS_S = 1.0  # until the first map there is none, and that is no fault
+HARMLESS_S = 1.0  # until the first map there is none, and not every radar has been heard: that is no fault
 MOST = 500  # changes that are kept
 SAY_S, MOST_SAID = 1.0, 40  # a line a second of the drive at most, and so many in all
 GRAVITY = ("ok", "degraded", "no_motion", "stale")
@@ -27,6 +27,8 @@ class StateLog:
     maps: list[dict[str, Any]] = field(default_factory=list)
     worst: str = "ok"
     begun: bool = False  # whether there was a map at all
+    _well: bool = False  # whether it was ok at all
+    _told: str | None = None  # the state that the changes end with
     _last: State | None = None
     _looked: float | None = None  # s of the drive
     _said: float = -SAY_S
@@ -41,12 +43,17 @@ class StateLog:
         if self._looked is not None and self._last is not None and time > self._looked:
             self.seconds[self._last.name] += time - self._looked
         self._looked = time if self._looked is None else max(time, self._looked)
-        last, self._last = self._last, state
+        self._last = state
+        self._told = self._told or state.name
         self.begun = self.begun or state.name in TRUSTED
-        if (self.begun or time > HARMLESS_S) and GRAVITY.index(state.name) > GRAVITY.index(self.worst):
-            self.worst = state.name
-        if last is None or state.name == last.name:
+        self._well = self._well or state.name == "ok"
+        if not self._well and time <= HARMLESS_S:
             return
+        if GRAVITY.index(state.name) > GRAVITY.index(self.worst):
+            self.worst = state.name
+        if state.name == self._told:
+            return
+        self._told = state.name
         reason = state.reasons[0] if state.reasons else ""
         if len(self.changes) < MOST:
             self.changes.append({"s": round(time, 2), "state": state.name, "reason": reason})
