@@ -241,3 +241,17 @@ def test_of_a_car_that_stood_for_minutes_a_jump_is_still_one() -> None:
         frame.add(PoseFix(stamp_ns - 1, place.x + x, place.y, stamp_ns - 1, place.yaw + yaw))
         frame.settle(odometry)
         assert frame.counts.jumped == 1
+
+
+@pytest.mark.parametrize(("off", "believed"), [(5.0, True), (7.0, False)])
+def test_after_a_silence_a_pose_may_be_as_far_off_as_dead_reckoning_drifts(off: float, believed: bool) -> None:
+    """45 m and 4.5 s after the pose that it is compared with: 2 m, 5 % of the way, and 1°/s meanwhile, half of it sideways: 6.0 m."""
+    frame, odometry = MapFrame(IDENTITY, PoseHealth()), Odometry(ErrorFilter((), "never"))
+    for n in range(141):
+        stamp_ns = n * 50_000_000
+        odometry.add(Speed(stamp_ns, 10.0))
+        odometry.add(YawRate(stamp_ns, 0.0))
+        if n <= 60 or n == 140:  # 3 s, silence for 4 s, one more
+            frame.add(PoseFix(stamp_ns, 0.5 * n, off * (n == 140), stamp_ns, 0.0))
+        frame.settle(odometry)
+    assert (frame.counts.taken, frame.counts.jumped) == ((62, 0) if believed else (61, 1))
