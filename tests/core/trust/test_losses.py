@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -89,6 +90,18 @@ def test_a_lag_is_told_in_words_that_have_its_sign(lag: float) -> None:
     if abs(lag) > 0.07:
         assert ("later" in sentence) == (lag > 0)
         assert ("earlier" in sentence) == (lag < 0)
+
+
+@pytest.mark.parametrize(("age_ms", "told"), [(30, None), (85, None), (210, "180 ms older"), (-110, "140 ms younger")])
+def test_scans_whose_age_changes_are_told_by_how_much(age_ms: int, told: str | None) -> None:
+    """Of a radar whose scans are heard 30 ms after their time."""
+    watch = RadarWatch(AHEAD, SensorHealth())
+    for n in range(1, 60):
+        at_ns = n * 50 * MS
+        watch.look(replace(scan(at_ns), received_ns=at_ns + 30 * MS), 5.0)
+        assert "shifted" not in watch.doubts
+    watch.look(replace(scan(3000 * MS), received_ns=(3000 + age_ms) * MS), 5.0)
+    assert watch.doubts.get("shifted") == (told and f"shifted in time: its scans are {told} than usual")
 
 
 def traffic(at_ns: int, rng: np.random.Generator, wide: float) -> RadarScan:
