@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from echogrid.core.health import SensorHealth
-from echogrid.core.messages import RadarScan
+from echogrid.core.messages import RadarScan, Speed, YawRate
 from echogrid.core.motion.odometry import EgoState
 from echogrid.core.motion.se2 import SE2
 from echogrid.core.radar.doppler_motion import doppler_motion
@@ -20,7 +20,7 @@ from echogrid.core.radar.placed_scan import PlacedScan
 from echogrid.core.radar.static_gate import GateNoise
 from echogrid.core.trust.motion_watch import BROAD
 from echogrid.core.trust.radar_watch import RadarWatch
-from echogrid.core.trust.watch import Watch
+from echogrid.core.trust.watch import State, Watch
 
 MS = 1_000_000
 AHEAD = Mount(SE2(3.7, 0.0, 0.0), math.radians(20), 60.0)
@@ -102,6 +102,22 @@ def test_scans_whose_age_changes_are_told_by_how_much(age_ms: int, told: str | N
         assert "shifted" not in watch.doubts
     watch.look(replace(scan(3000 * MS), received_ns=(3000 + age_ms) * MS), 5.0)
     assert watch.doubts.get("shifted") == (told and f"shifted in time: its scans are {told} than usual")
+
+
+def test_the_state_is_ok_with_all_radars_and_degraded_without_one_of_them() -> None:
+    watch = Watch(dict.fromkeys(("front", "rear"), AHEAD), {"front": SensorHealth(), "rear": SensorHealth()}, GateNoise())
+    for n in range(20):
+        at_ns = 100 * MS + n * 50 * MS
+        for motion in (Speed(at_ns, 5.0), YawRate(at_ns, 0.0)):
+            watch.motion.judge(motion)
+        for name, radar in watch.radars.items():
+            if name == "front" or n < 5:
+                radar.health.complete += 1
+                radar.hear(scan(at_ns))
+        watch.mapped_ns = at_ns
+        if n < 5:
+            assert watch.state(at_ns) == State("ok")
+    assert watch.state(at_ns) == State("degraded", ("radar rear: silent for 0.8 s",))
 
 
 def traffic(at_ns: int, rng: np.random.Generator, wide: float) -> RadarScan:
