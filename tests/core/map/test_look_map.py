@@ -186,7 +186,7 @@ def test_an_object_that_arrives_or_leaves_beside_a_standing_car_shows_within_thr
 
 
 def test_an_arrival_counts_once_an_update_however_many_reflections_it_has() -> None:
-    """Before the wall behind it three reflections lie in one cell: four looks with a reflection and no more; of one, some lies beside it."""
+    """Three reflections lie in one cell: four looks with a reflection and no more; of one, some lies beside it."""
 
     def hits(*places: tuple[float, float]) -> float:
         occupancy = LookMap(SPEC, LEARNED)
