@@ -68,11 +68,11 @@ def test_times_are_the_kernels() -> None:
         receiver.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         before = time.time()
         sender.sendto(build_can_frame(can.Message(arbitration_id=1)), receiver.getsockname())
-        after = time.time()
-        time.sleep(0.1)
+        time.sleep(0.5)
+        read = time.time()
         batch = socketcan.receive(receiver, 100, None)
     assert batch is not None
-    assert before - 0.001 <= batch.stamps[0] <= after + 0.05
+    assert before - 0.001 <= batch.stamps[0] < read
 
 
 def test_an_error_frame_is_one_and_what_is_no_frame_is_left_out(pair: Pair) -> None:
