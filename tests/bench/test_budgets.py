@@ -5,7 +5,8 @@ No clock on the wall, and no time that other work on the machine could stretch:
 - A stage's budget is a number of calls of Python and C functions, which what is interpreted is made of. It is the same in every run, so a
   growth by GROWTH is seen for certain.
 - A compiled loop's budget is its share of its numpy reference's time on the same arguments, by turns in one run, the least of many. Beside
-  other work on the same core such a share moves by 10 to 45 % (docs/performance.md), so budgets are the highest of many runs.
+  other work on the same core such a share moves by up to a half (docs/performance.md), so only a growth by LOOP_GROWTH fails: a loop that
+  no longer vectorises, or does its work twice.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from echogrid.logs.drive import find_drive
 from tests.support.places import ROOT
 
 DEMO = ROOT / "service" / "echogrid" / "demo_drive"
-GROWTH = 1.15
+GROWTH = 1.15  # of a stage
+LOOP_GROWTH = 2.5  # of a loop
 TURNS, ROUNDS = 8, 6  # of a loop: a round that is within the budget ends it
 # Calls in an update.
 CALLS: dict[str, float] = {
@@ -109,9 +111,9 @@ def test_no_loop_takes_more_of_its_reference_than_it_may(name: str, calls: Calls
     for _ in range(ROUNDS):
         fast, slow = turned(name, calls[name], (dispatch.loops, reference), TURNS)
         shares.append(min(fast) / min(slow))
-        if shares[-1] <= SHARES[name] * GROWTH:
+        if shares[-1] <= SHARES[name] * LOOP_GROWTH:
             return
-    pytest.fail(f"{name}: {min(shares):.3f} of numpy's time, at most {SHARES[name] * GROWTH:.3f}")
+    pytest.fail(f"{name}: {min(shares):.3f} of numpy's time, at most {SHARES[name] * LOOP_GROWTH:.3f}")
 
 
 @COMPARED
