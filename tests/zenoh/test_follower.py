@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from tests.support.places import DEMO
 
-from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
 from echogrid.core.map.map_delta import Rectangle, around
 from echogrid.logs.drive import find_drive
@@ -48,9 +47,8 @@ def steps(epoch_at: int) -> Iterator[Step]:
     pipeline = Pipeline(config, drive.config)
     announcer, snapshots = Announcer(config, ""), Snapshots()
     count = 0
-    for message in Log(drive.log):
-        update = pipeline.add(bus_of(message, config.bus) or "", message)
-        snapshot = None if update is None else snapshots.take(pipeline.mapper, update, config.publish)
+    for update in pipeline.updates(Log(drive.log).batches()):
+        snapshot = snapshots.take(pipeline.mapper, update, config.publish)
         if snapshot is not None:
             count += 1
             snapshot = replace(snapshot, epoch=int(count >= epoch_at))

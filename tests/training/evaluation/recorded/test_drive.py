@@ -11,7 +11,6 @@ from scipy.spatial import cKDTree
 from tests.support import posts
 from tests.support.recordings import scan_of
 
-from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Body
 from echogrid.core.messages import RadarScan
@@ -72,8 +71,8 @@ def test_scans_are_in_order_and_the_line_is_sampled(drive: RealDrive) -> None:
 def test_nothing_left_out_is_the_service_s_own_map(drive: RealDrive, folder: Path) -> None:
     config = load_config(drive.config)
     pipeline = Pipeline(config, drive.config)
-    for message in Log(find_drive(folder, None).log):
-        pipeline.add(bus_of(message, config.bus) or "", message)
+    for _ in pipeline.updates(Log(find_drive(folder, None).log).batches()):
+        pass
     pipeline.mapper.end_cycle()
     expected, found = pipeline.mapper.map.whole(), drive.mapped(config).whole()
     assert found[:2] == expected[:2]

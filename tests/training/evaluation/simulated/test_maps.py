@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from tests.support.networks import paper, write
 
-from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
 from echogrid.core.evidence.inverse_sensor_model import BeamModel
 from echogrid.core.messages import RadarScan
@@ -58,8 +57,8 @@ def served(folder: Path, model: str, fusion: Literal["sum", "looks"], clamp: flo
     config = msgspec.structs.replace(config, map=msgspec.structs.replace(config.map, fusion=fusion, clamp=clamp))
     config = msgspec.structs.replace(config, sensor_model=msgspec.structs.replace(config.sensor_model, **beam))
     pipeline = Pipeline(config, drive.config)
-    for message in Log(drive.log):
-        pipeline.add(bus_of(message, config.bus) or "", message)
+    for _ in pipeline.updates(Log(drive.log).batches()):
+        pass
     return pipeline
 
 
