@@ -89,6 +89,31 @@ def test_a_short_frame_is_refused() -> None:
         radar.add(frame(0x300, bytes(8), 0.0), 0)
 
 
+def test_many_frames_at_once_give_what_they_give_one_by_one() -> None:
+    """With one that is too short, one flipped, one lost and one twice among them."""
+    cycles = [radar_cycle([(10.0 + index, 0.1, -2.0)] * 40, index, 0.05 * index) for index in range(6)]
+    cycles[1][2].data[9] ^= 1
+    cycles[2][1] = can.Message(timestamp=0.1, arbitration_id=cycles[2][1].arbitration_id, is_extended_id=False, is_fd=True, data=b"\0" * 8)
+    del cycles[3][2]
+    cycles[4].insert(2, cycles[4][1])
+    messages = [message for cycle in cycles for message in cycle]
+    (one, health), (many, other) = reader("corner_radar"), reader("corner_radar")
+    expected = []
+    for message in messages:
+        try:
+            scan = one.add(message, round(message.timestamp * 1e9))
+        except ValueError:
+            continue
+        expected += [] if scan is None else [scan]
+    found = many.scans(messages, [round(message.timestamp * 1e9) for message in messages])
+    assert 0 < len(found) < 6
+    assert [scan.range.tobytes() + scan.azimuth.tobytes() for scan in found] == [
+        scan.range.tobytes() + scan.azimuth.tobytes() for scan in expected
+    ]
+    assert [(scan.stamp_ns, scan.received_ns) for scan in found] == [(scan.stamp_ns, scan.received_ns) for scan in expected]
+    assert other == health
+
+
 def test_a_longer_frame_is_cut_to_the_message() -> None:
     """CAN FD knows no length between 48 and 64: what a message does not fill is padding."""
     radar, _ = reader("corner_radar")

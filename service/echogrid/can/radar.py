@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import can
 import numpy as np
@@ -54,6 +55,10 @@ class RadarReader:
     def add(self, message: can.Message, received_ns: int) -> RadarScan | None:
         """The scan that this frame completes, if any. Raises ValueError for a bad frame."""
         return self._alone.add(message, received_ns)
+
+    def scans(self, messages: Sequence[can.Message], received_ns: Sequence[int]) -> list[RadarScan]:
+        """Those that frames (N,) complete, one after the other; bad frames are passed over."""
+        return self._alone.scans(messages, received_ns)
 
     def holds(self, role: FrameRole, payload: bytes) -> bool:
         """Whether the frame's own checksum, if it has one, is right."""
@@ -133,22 +138,36 @@ class Alone:
         if len(payload) < role.length:
             raise ValueError("too short")
         right = self.reader.holds(role, payload[: role.length])
+        found = self._whole([received_ns], [frame_id], [right], [payload])
+        if not right:
+            raise ValueError("wrong checksum")
+        return found[0] if found else None
+
+    def scans(self, messages: Sequence[can.Message], received_ns: Sequence[int]) -> list[RadarScan]:
+        """As the reader's."""
+        roles, frames = self.reader.roles, [((one.arbitration_id, one.is_extended_id), bytes(one.data)) for one in messages]
+        sound = [at for at, (frame_id, payload) in enumerate(frames) if len(payload) >= roles[frame_id].length]
+        ids, payloads = [frames[at][0] for at in sound], [frames[at][1] for at in sound]
+        right = [self.reader.holds(roles[one], payload[: roles[one].length]) for one, payload in zip(ids, payloads, strict=True)]
+        return [scan for scan in self._whole([received_ns[at] for at in sound], ids, right, payloads) if scan is not None]
+
+    def _whole(self, received_ns: list[int], ids: list[FrameId], right: list[bool], payloads: list[bytes]) -> list[RadarScan | None]:
+        """What the frames (N,) complete; None where a cycle's checksum is wrong."""
+        sizes = np.array([len(payload) for payload in payloads], np.uint8)
         found = [
-            self.reader.scan(cycle, received_ns)
-            for _, _, cycle in self._assembly.take(
-                np.array([received_ns]),
-                np.array([self._places[frame_id]]),
-                np.array([not right]),
-                np.array([len(payload)], np.uint8),
-                np.zeros(1, np.int64),
-                np.frombuffer(payload, np.uint8),
+            self.reader.scan(cycle, received_ns[at])
+            for at, _, cycle in self._assembly.take(
+                np.array(received_ns, np.int64),
+                np.array([self._places[one] for one in ids], np.int64),
+                ~np.array(right, bool),
+                sizes,
+                np.cumsum(sizes, dtype=np.int64) - sizes,
+                np.frombuffer(b"".join(payloads), np.uint8),
                 self._known,
             )
         ]
         self._assembly.counted()
-        if not right:
-            raise ValueError("wrong checksum")
-        return found[0] if found else None
+        return found
 
 
 def _field(layout: SignalLayout | None) -> Field:

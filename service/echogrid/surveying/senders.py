@@ -137,14 +137,8 @@ def decode(profile: RadarProfile, dbc: Dbc, shift: int, channel: Channel) -> tup
     """The scans that a profile makes of the kept frames, and the share of whole ones; None where they are few."""
     health = SensorHealth()
     reader = RadarReader("radar", profile, dbc, shift, health)
-    scans = []
-    for message in channel.of(reader.ids):
-        try:
-            scan = reader.add(message, round(message.timestamp * 1e9))
-        except ValueError:
-            continue
-        if scan is not None:
-            scans.append(scan)
+    frames = channel.of(reader.ids)
+    scans = reader.scans(frames, [round(frame.timestamp * 1e9) for frame in frames])
     share = len(scans) / max(len(scans) + health.incomplete + health.bad_crc, 1)
     seen = sum(len(scan) for scan in scans)
     return (reader, scans, share) if share >= WHOLE and len(scans) >= FEWEST and seen >= len(scans) else None
