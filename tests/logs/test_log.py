@@ -48,8 +48,9 @@ def test_progress_grows(tmp_path: Path) -> None:
     log = Log(write(tmp_path / "a.log", MESSAGES * 4000))
     seen = [log.progress for _ in log]
     assert seen == sorted(seen)
-    assert 0 < seen[0] < 0.2
-    assert seen[-1] > 0.9
+    assert seen[0] == 0
+    assert 0.8 < seen[-1] < 1  # the last frames were read, but the map is not made of them yet
+    assert log.progress == 1
 
 
 def test_a_torn_log_gives_what_it_holds_and_then_one_sentence(tmp_path: Path) -> None:

@@ -39,7 +39,7 @@ EXTRAS = {  # what reads an ending, where it is not installed with the service
 
 
 class Log:
-    """The frames of a recording, in the file's order. `messages` counts them, `progress` is the share of the file read so far, 0 to 1.
+    """The frames of a recording, in the file's order. `messages` counts them, `progress` is the share of the file whose frames were taken, 0 to 1.
 
     `account` and `times` say what was in it, complete at the end. Raises EchogridError at once for an unknown ending or a missing file, and
     after the last message that could be read where anything was not understood or torn.
@@ -48,6 +48,7 @@ class Log:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.messages = 0
+        self._taken = 0  # bytes of the file
         self.account = Account()
         self.times = Times()
         suffixes = [suffix.lower() for suffix in path.suffixes]
@@ -66,7 +67,7 @@ class Log:
 
     @property
     def progress(self) -> float:
-        return 1.0 if self._raw.closed or not self._size else self._raw.tell() / self._size
+        return 1.0 if self._raw.closed or not self._size else self._taken / self._size
 
     def __iter__(self) -> Iterator[can.Message]:
         """One by one."""
@@ -82,6 +83,7 @@ class Log:
                     self.messages += len(batch)
                     if len(batch):
                         yield batch
+                    self._taken = self._raw.tell()
         except (EchogridError, GeneratorExit):
             raise
         except ImportError as error:

@@ -12,6 +12,7 @@ import zstandard
 from echogrid.logs.formats.account import Account
 
 CHUNK = 1 << 19  # bytes
+PACKED = 1 << 16  # bytes that are read at once of a gzip file
 LONGEST_LINE = 1 << 16  # bytes
 STEP = 32  # bytes of deflate that are unpacked at once where they break
 PIECE = 512  # bytes of zstd that are unpacked at once: no more than 16 MiB can come of them
@@ -45,7 +46,7 @@ class Stream:
     def _gzip(self) -> Iterator[bytes]:
         unpacker, data, begun = zlib.decompressobj(31), b"", False
         try:
-            while data := data or self._raw.read(CHUNK):
+            while data := data or self._raw.read(PACKED):
                 if not begun:
                     data = data.lstrip(b"\0") if self.length else data  # tapes and some writers fill up with zeros
                     if self.length and data and not data.startswith(GZIP[: len(data)]):
