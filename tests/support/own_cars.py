@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -14,13 +15,14 @@ import numpy as np
 from tests.judging.trial import winding
 from tests.support import world
 
+from echogrid.can.intake.frames import FrameBatch
 from echogrid.can.signals import SignalReader
 from echogrid.config.loading import load_config
 from echogrid.core.health import Health
 from echogrid.core.messages import RadarScan, Speed, YawRate
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Car:
     """`dbc`: text. `radar`: the messages of a scan, by name with their signals, of radar number n, cycle c. `motion`: those of ego motion.
 
@@ -37,6 +39,7 @@ class Car:
     profiles: dict[str, str]
     config: str
 
+    @cache
     def messages(self) -> list[can.Message]:
         """The drive, channels numbered from 0 as python-can numbers them."""
         database = cantools.database.load_string(self.dbc, "dbc")
@@ -62,9 +65,9 @@ class Car:
         folder.mkdir(parents=True, exist_ok=True)
         with can.Logger(folder / name) as logger:
             for message in self.messages():
-                if name.endswith(".log"):
-                    message.channel = f"can{message.channel}"
-                logger.on_message_received(message)
+                named = copy(message)
+                named.channel = f"can{message.channel}" if name.endswith(".log") else message.channel
+                logger.on_message_received(named)
         (folder / "own.dbc").write_text(self.dbc)
         for file, text in self.profiles.items():
             (folder / file).write_text(text)
@@ -94,8 +97,9 @@ def decoded() -> tuple[list[list[RadarScan]], list[Speed], list[YawRate]]:
 
     with tempfile.TemporaryDirectory() as folder:
         source = winding().write(Path(folder))
-        reader = SignalReader(load_config(source), source, Health())
-    items = [item for message in winding().messages for item in reader.add("can0", message)]
+        config = load_config(source)
+        reader = SignalReader(config, source, Health())
+    items = [item for _, items in reader.heard([FrameBatch.of(winding().messages)], config.bus) for item in items]
     scans = [[item for item in items if isinstance(item, RadarScan) and item.sensor == name] for name in world.RADARS]
     return scans, [item for item in items if isinstance(item, Speed)], [item for item in items if isinstance(item, YawRate)]
 
