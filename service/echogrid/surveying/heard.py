@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from operator import itemgetter
 
 import can
 
@@ -29,7 +30,7 @@ class Channel:
 
     def of(self, ids: Iterable[FrameId]) -> list[can.Message]:
         """The kept frames with one of these ids, in their order."""
-        found = sorted((pair for frame_id in set(ids) for pair in self.frames.get(frame_id, ())), key=lambda pair: pair[0])
+        found = sorted((pair for frame_id in set(ids) for pair in self.frames.get(frame_id, ())), key=itemgetter(0))
         return [message for _, message in found]
 
 

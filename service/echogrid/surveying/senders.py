@@ -25,6 +25,7 @@ from echogrid.surveying.heard import Channel
 
 FAR = 0x800  # an offset of ids is looked for no farther
 WHOLE, FEWEST = 0.7, 8  # share of the scans, and their number, that must come out
+SOME = 1000  # frames that are decoded first: several scans of any radar
 RADIUS = 0.3  # m: of a wheel whose radius nobody has said
 
 
@@ -135,10 +136,14 @@ def _shifts(ids: Sequence[FrameId], lengths: dict[FrameId, int], channel: Channe
 
 def decode(profile: RadarProfile, dbc: Dbc, shift: int, channel: Channel) -> tuple[RadarReader, list[RadarScan], float] | None:
     """The scans that a profile makes of the kept frames, and the share of whole ones; None where they are few."""
+    reader = RadarReader("radar", profile, dbc, shift, SensorHealth())
+    frames = channel.of(reader.ids)
+    stamps = [round(frame.timestamp * 1e9) for frame in frames]
+    if not reader.scans(frames[:SOME], stamps[:SOME]):  # as most that are tried
+        return None
     health = SensorHealth()
     reader = RadarReader("radar", profile, dbc, shift, health)
-    frames = channel.of(reader.ids)
-    scans = reader.scans(frames, [round(frame.timestamp * 1e9) for frame in frames])
+    scans = reader.scans(frames, stamps)
     share = len(scans) / max(len(scans) + health.incomplete + health.bad_crc, 1)
     seen = sum(len(scan) for scan in scans)
     return (reader, scans, share) if share >= WHOLE and len(scans) >= FEWEST and seen >= len(scans) else None
