@@ -24,6 +24,7 @@ def main() -> None:
     if "_ARGCOMPLETE" in os.environ:
         arguments.complete(parser)
     given = parser.parse_args()
+    sys.modules.setdefault("asammdf", None)  # type: ignore[arg-type]  # python-can would import it: a second, 86 MiB; library.read_mf4 lets it in
     journal.configure(given.log_level)
     try:
         given.command(given)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gc
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,6 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.logs.test_readers import START, frames, key
 from tests.support import recorded
+from tests.support.places import DEMO
+from tests.support.waiting import PATIENCE
 
 from echogrid.errors import EchogridError
 from echogrid.logs.log import Log
@@ -94,3 +98,15 @@ def test_a_torn_file_is_one_sentence(folder: Path, share: float) -> None:
     with pytest.raises(EchogridError, match="torn.mf4: (cannot be read beyond message|holds no CAN message)") as caught:
         list(Log(folder / "torn.mf4"))
     assert "\n" not in str(caught.value)
+
+
+def test_the_program_loads_it_for_mf4_alone(folder: Path) -> None:
+    """It takes a second and 86 MiB, and python-can imports it wherever it is installed."""
+    message = can.Message(timestamp=START, arbitration_id=0x100, is_extended_id=False, data=b"1", channel="can0")
+    path = written(folder / "program.mf4", [message])
+    code = "import sys; from echogrid.cli import main\ntry: main()\nexcept SystemExit: pass\nprint('pandas' in sys.modules)"
+    for name, loaded in ((folder / "none.log", False), (path, True)):
+        command = [sys.executable, "-c", code, "replay", name, "-c", DEMO / "echogrid.toml", "--out", folder / "out"]
+        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=PATIENCE)
+        assert done.stdout.split()[-1] == str(loaded), done.stderr
+    assert "none of its 1 frames is one that" in done.stderr

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 
 import can
@@ -39,7 +39,7 @@ class Car:
     profiles: dict[str, str]
     config: str
 
-    @cache
+    @cached_property
     def messages(self) -> list[can.Message]:
         """The drive, channels numbered from 0 as python-can numbers them."""
         database = cantools.database.load_string(self.dbc, "dbc")
@@ -64,7 +64,7 @@ class Car:
         """Log, DBC and the right configuration, which says the channels of candump logs."""
         folder.mkdir(parents=True, exist_ok=True)
         with can.Logger(folder / name) as logger:
-            for message in self.messages():
+            for message in self.messages:
                 named = copy(message)
                 named.channel = f"can{message.channel}" if name.endswith(".log") else message.channel
                 logger.on_message_received(named)

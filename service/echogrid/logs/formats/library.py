@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import importlib
 import sqlite3
 import sys
 import warnings
@@ -11,6 +12,7 @@ from contextlib import closing
 from pathlib import Path
 
 import can
+from can.io import mf4
 
 from echogrid.can.intake.frames import FrameBatch, batches
 from echogrid.logs.formats.account import Account
@@ -29,6 +31,9 @@ def read_sqlite(path: Path, account: Account) -> Iterator[FrameBatch]:
 
 def read_mf4(path: Path, account: Account) -> Iterator[FrameBatch]:
     """The frames of a bus logging; channels as the file numbers them. Raises ImportError where asammdf is missing."""
+    if sys.modules.get("asammdf", can) is None:  # kept out by the program
+        del sys.modules["asammdf"]
+        importlib.reload(mf4)
     import asammdf  # type: ignore[import-not-found,unused-ignore]  # nobody else needs it
 
     account.note(f"it was read by asammdf {asammdf.__version__}, which does not say what it leaves out")
@@ -39,7 +44,7 @@ def read_mf4(path: Path, account: Account) -> Iterator[FrameBatch]:
         reader.stop()
 
 
-def _mf4(path: Path) -> can.MF4Reader:
+def _mf4(path: Path) -> mf4.MF4Reader:
     """Raises ValueError where asammdf does not take the file; what it then says of its half-made objects is nobody's business."""
     hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
     try:
@@ -47,7 +52,7 @@ def _mf4(path: Path) -> can.MF4Reader:
             warnings.simplefilter("ignore", ResourceWarning)  # a torn file is left open
             why = ""
             try:
-                return can.MF4Reader(path)
+                return mf4.MF4Reader(path)
             except Exception as error:  # of struct, lxml, and its own
                 why = f"{error}" or type(error).__name__
             gc.collect()
@@ -56,7 +61,7 @@ def _mf4(path: Path) -> can.MF4Reader:
         sys.unraisablehook = hook
 
 
-def _with_ids(reader: can.MF4Reader) -> Iterator[can.Message]:
+def _with_ids(reader: mf4.MF4Reader) -> Iterator[can.Message]:
     """Without CAN_DataFrame.IDE a file does not say how long its ids are. python-can takes all for 29 bits; the small ones are not."""
     silent = not any("IDE" in channel.name for group in reader._mdf.groups for channel in group.channels)
     for message in reader:
