@@ -41,9 +41,9 @@ EXTRAS = {  # what reads an ending, where it is not installed with the service
 class Log:
     """The frames of a recording, in the file's order. `messages` counts them.
 
-    `progress` is the share of the file whose frames were taken, 0 to 1. `account` and `times` say what was in it, complete at the end. Raises
-    EchogridError at once for an unknown ending or a missing file, and after the last message that could be read where anything was not
-    understood or torn.
+    `progress` is the share of the file whose frames were taken, 0 to 1. `account` and `times` say what was in it, complete at the end.
+    Raises EchogridError at once for an unknown ending or a missing file, and after the last message that could be read where anything was
+    not understood or torn.
     """
 
     def __init__(self, path: Path) -> None:
