@@ -62,6 +62,14 @@ def test_a_radar_that_keeps_few_scans_is_spoken_of_all_the_time(share: float, to
         assert sum(not one for one in said) < 0.06 * len(said)
 
 
+@pytest.mark.parametrize("told", ["incomplete", "counter"])
+@pytest.mark.parametrize("every", [2, 3, 4])
+def test_the_share_that_is_said_is_the_share_that_came(every: int, told: str) -> None:
+    """Every other one, one in three, one in four: a window begins with none lost."""
+    said = heard(np.arange(400) % every == 0, told)
+    assert {one[0].split(" (")[0] for one in said[100:]} == {f"only {1 / every:.0%} of its scans come whole"}
+
+
 def test_scans_that_nothing_counts_are_missed_by_what_is_usual() -> None:
     kept = np.random.default_rng(0).random(1200) < 0.14
     said = heard(kept, "nothing", usual=200)[300:]
