@@ -15,6 +15,7 @@ from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
 from echogrid.core.health import Health
 from echogrid.judging.finding import CODES
+from echogrid.topics.topic import ALIVE, FLEET, REGION, TILE, TOPICS
 from tests.support.places import ROOT
 
 
@@ -53,3 +54,21 @@ def test_the_configuration_to_start_from_is_sound() -> None:
     path = ROOT / "deploy" / "echogrid.toml"
     config = load_config(path)
     assert len(SignalReader(config, path, Health()).ids("radars")) == 8
+
+
+def test_every_topic_is_in_the_interface_with_its_type_and_its_name_under_ros() -> None:
+    text = (ROOT / "docs" / "interface.md").read_text()
+    rows = re.findall(r"(?m)^\| `([\w/]+)[^`|]*` \| ([^|]*) \|[^|]*\| (?:`(\S+)` )?\|$", text)
+    told = {name: (re.findall(r"`(\w+/msg/\w+)`|(JSON) object", payload), ros or None) for name, payload, ros in rows}
+    ours = {topic.name: ([(topic.type or "", "" if topic.type else "JSON")], topic.ros) for topic in (*TOPICS, FLEET)}
+    assert told == ours | {ALIVE: ([], None), REGION: ([], None), f"{TILE}/": ([], None)}
+    (kept,) = re.findall(r"Of (.*?) the last sample is kept", text)
+    assert set(re.findall(r"`(\w+)`", kept)) == {topic.name.rpartition("/")[2] for topic in TOPICS if topic.kept}
+
+
+def test_every_topic_of_ros_is_in_the_interface_with_its_quality_of_service() -> None:
+    text = (ROOT / "docs" / "interface.md").read_text().split("| topic | reliability, durability, depth |")[1].split("\n\n")[0]
+    told = {}
+    for names, durability, depth in re.findall(r"(?m)^\| (.*) \| reliable, (volatile|transient local), (\d+)", text):
+        told |= {name: (durability == "transient local", int(depth)) for name in re.findall(r"`(\S+)`", names)}
+    assert told == {topic.ros: (topic.kept, topic.depth) for topic in TOPICS if topic.ros is not None}
