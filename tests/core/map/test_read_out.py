@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
+from tests.support.places import DOCS
 
 from echogrid.core.map.read_out import read_out
 
@@ -20,6 +23,26 @@ def read(learned: float, hits: float = 0, near: float | None = None, passes: flo
 def test_hits_from_several_places_make_a_cell_occupied_whatever_the_network_says(learned: float) -> None:
     assert read(learned, hits=3, passes=2) > 0
     assert read(learned, hits=10, passes=10) > 0
+
+
+def test_what_outweighs_what_is_as_the_document_says() -> None:
+    text, n = (DOCS / "fusion.md").read_text(), r"(−?[\d.]+)"
+
+    def told(pattern: str) -> list[float]:
+        (found,) = re.findall(pattern, text)
+        return [float(number.replace("−", "-")) for number in found]
+
+    def p(log_odds: float) -> float:
+        return 1 / (1 + float(np.exp(-log_odds)))
+
+    passed, least, once, twice = told(rf"a look with one outweighs {n} passed(?s:.*)\(z below {n}\), a look with one says {n}, two {n},")
+    assert read(0.0, hits=1, passes=passed) > 0 > read(0.0, hits=1, passes=passed + 1)
+    assert [p(read(least - 0.1, hits)) for hits in (1, 2)] == pytest.approx([once, twice], abs=0.005)
+    assert read(least - 0.1, hits=1) == read(-20.0, hits=1) < read(least + 0.1, hits=1)
+    assert read(-20.0, hits=3, passes=2) > 0 > read(-20.0, hits=3, passes=3)
+    alone, surest = told(rf"z below {n}, which alone makes it no surer than p = {n}\.")
+    assert p(read(alone - 0.01)) < 0.1 < p(read(alone + 0.01))
+    assert p(read(-40.0)) == pytest.approx(surest, abs=0.0006)
 
 
 @pytest.mark.parametrize("learned", [-12.0, -4.0, 0.0, 4.0])
