@@ -246,6 +246,24 @@ def test_the_same_bits_as_numpy(name: str, seed: int, size: int) -> None:
             np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.parametrize("size", [254, 255, 256, 300])
+def test_more_than_a_byte_counts_are_the_table_s_last(size: int) -> None:
+    """Of detections in one cell and of rays along one way, each as the table has it."""
+    random = np.random.default_rng(size)
+    for draw in (draw_now, draw_past, draw_passes):
+        found, expected = draw(random, size), draw(random, size)
+        for given_ in (found, expected):
+            given_[0][:] = 0.1
+        if draw is draw_passes:
+            found[1:3] = expected[1:3] = np.full((size, 2), np.float32(2.0)), np.full(size, np.float32(np.hypot(2.0, 2.0)))
+        else:
+            found[1:-1] = expected[1:-1]
+        getattr(compiled, draw.__name__)(*found)
+        getattr(reference, draw.__name__)(*expected)
+        np.testing.assert_array_equal(found[-1], expected[-1])
+        assert TABLE[min(size, 255)] in found[-1]
+
+
 def assembling(random: Random, size: int) -> list[Any]:
     """Frames of three radars: with a header that counts, closed by a message, and without a header. Bytes: cycle, slot, count."""
     known = [(0, 0, 3, -1, 0), (0, 1, 3, -1, 0), (0, 3, 2, -1, 0), (-1, 0, 0, -1, 0), (1, 1, 2, 0, 0), (1, 1, 2, 1, 0)]
