@@ -6,7 +6,7 @@ Axes: x forward, y left, yaw and azimuth counter-clockwise positive (ISO 8855, R
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,18 +37,8 @@ class RadarScan:
         """The scan with the detections of a mask (N,) alone."""
         if which.all():
             return self
-        return RadarScan(
-            self.sensor,
-            self.stamp_ns,
-            self.received_ns,
-            self.range[which],
-            self.azimuth[which],
-            self.range_rate[which],
-            self.rcs[which],
-            self.ambiguity,
-            self.blockage,
-            self.lag,
-        )
+        seen = (self.range[which], self.azimuth[which], self.range_rate[which], self.rcs[which])
+        return replace(self, range=seen[0], azimuth=seen[1], range_rate=seen[2], rcs=seen[3])
 
 
 @dataclass(frozen=True, slots=True)

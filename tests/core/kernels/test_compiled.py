@@ -91,7 +91,7 @@ def note_view(random: Random, size: int) -> list[Any]:
 
 
 def add_look(random: Random, size: int) -> list[Any]:
-    return [np.abs(single(random, 2, size, 5)), 20.0, np.abs(single(random, 2, size, 5)) * 7]
+    return [np.abs(single(random, 2, size, 5)), float(random.choice([1.2, 20.0])), np.abs(single(random, 2, size, 5)) * 7]
 
 
 def add_clamped(random: Random, size: int) -> list[Any]:
@@ -128,7 +128,7 @@ def look(random: Random, size: int) -> list[Any]:
             random.dirichlet(np.ones(rays)),
         ),
         *(ends, origins, away / np.maximum(distance, 1e-9)[:, None], distance, (1 << random.integers(0, 4, size)).astype(np.uint16)),
-        *(0.5, np.array([-side, -1, 0, 1, side]), np.array([1.0, 1.7, 2.7, 1.7, 1.0]), *state, np.zeros(side**2, np.int32)),
+        *(0.5, np.array([-side, -1, 0, 2, side + 1]), np.array([1.0, 1.7, 2.7, 0.9, 0.4]), *state, np.zeros(side**2, np.int32)),
         *(np.empty(tiles + 1, np.int64), *(np.zeros(side**2, dtype) for dtype in dtypes)),
     ]
 
