@@ -84,7 +84,7 @@ develop: .venv/.develop
 	$(PYTHON) -m venv .venv
 	@touch $@
 
-.venv/.service: .venv/.python requirements/service.txt requirements/build.txt pyproject.toml hatch_build.py release/version.py service/echogrid/core/kernels/compiled.c service/echogrid/core/kernels/lines.h
+.venv/.service: .venv/.python requirements/service.txt requirements/build.txt pyproject.toml hatch_build.py release/version.py service/echogrid/core/kernels/compiled.c $(wildcard service/echogrid/core/kernels/*.h)
 	@echo "== the service and what it needs"
 	$(BIN)/pip install --quiet --require-hashes -r requirements/service.txt -r requirements/build.txt
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .

@@ -142,6 +142,19 @@ def test_many_at_once_are_as_one_by_one(
     assert at_once[1:] == one_by_one[1:]
 
 
+@pytest.mark.parametrize("name", WRITERS)
+def test_an_odd_byte_anywhere_in_a_line_is_read_alike(folder: Path, name: str) -> None:
+    """What separates words is not the same in each language: so every byte that does somewhere, in every place of the last line."""
+    fd = name in ("a.asc", "r.asc", "v20.trc", "v21.trc")
+    message = can.Message(timestamp=1.6e9, channel="can0", arbitration_id=0x123, is_extended_id=False, data=b"\x11\x22", is_fd=fd)
+    *head, line = (text.encode() for text in WRITERS[name]([message]) if not text.startswith("End"))
+    places = range(len(line))
+    odd = [line[:at] + bytes([byte]) + line[at + more :] for at in places for byte in b"\0\t\x0b\x0c\x1c\x85\xa0" for more in (0, 1)]
+    path = folder / name
+    path.write_bytes(b"\n".join([*head, *odd, b""]))
+    assert read(path, compiled) == read(path, reference)
+
+
 @given(
     messages=frames(),
     noise=st.lists(

@@ -252,8 +252,9 @@ static int fd_lengths(Lines *lines, Line *line, uint32_t *code, int64_t *count) 
     return hex_digits(lines, 2, code) && blanks(lines) && digits(lines, 2, count) && (is_blank(lines) || is_end(lines));
 }
 
+/* To the end of a word of ASCII; what other letters are blanks is the line readers' business. */
 static inline void to_blank(Lines *lines) {
-    while (!is_end(lines) && *lines->at != ' ' && *lines->at != '\t') lines->at++;
+    while (lines->at < lines->end && *lines->at > ' ' && *lines->at < 0x7F) lines->at++;
 }
 
 static int asc_fd(Lines *lines, Line *line) {
