@@ -169,6 +169,14 @@ def test_coarse_times_are_said(tmp_path: Path, step: float, messages: list[can.M
         assert f"its times are too coarse: they go on in steps of {step:g} s" in one
 
 
+def test_frames_that_are_there_twice_are_not_called_coarse(
+    tmp_path: Path, messages: list[can.Message], capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = recorded.joined([line for line in recorded.candump(messages) for _ in range(2)])
+    for one in (checked(tmp_path, "a.log", data, capsys)[1], replayed(tmp_path, "a.log", data)):
+        assert "frames of ego motion have the time of the one before; they are there twice, or were stamped many at once" in one
+
+
 @pytest.mark.parametrize("name", ["a.log", "a.csv", "a.blf"])
 def test_times_that_stand_still_are_said(
     tmp_path: Path, name: str, messages: list[can.Message], capsys: pytest.CaptureFixture[str]

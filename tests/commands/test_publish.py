@@ -20,6 +20,8 @@ from tests.support.waiting import PATIENCE, until
 
 from echogrid.client import Client
 from echogrid.commands.replay import replay
+from echogrid.commands.showing.publish import publish
+from echogrid.errors import EchogridError
 from echogrid.logs.drive import find_drive
 from echogrid.zenoh.publisher import session_config
 
@@ -104,3 +106,11 @@ def test_a_recording_that_nothing_is_known_of_is_refused(endpoint: str, tmp_path
     assert done.returncode == 3
     assert "none of its" in done.stderr.splitlines()[-1]
     assert not (tmp_path / "out").exists()
+
+
+def test_a_line_that_is_no_frame_costs_no_other(endpoint: str, tmp_path: Path) -> None:
+    drive = published_drive(tmp_path / "drive", endpoint, 1.0)
+    text = (drive / "can.log").read_text()
+    (drive / "can.log").write_text(text[:3000] + "\n" + text[3000:])
+    with pytest.raises(EchogridError, match=r"could not be understood.*; the map of all else is in "):
+        publish(find_drive(drive, None), tmp_path / "out", speed=100.0)

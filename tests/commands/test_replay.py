@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import can
@@ -15,7 +16,7 @@ from tests.support.program import echogrid
 
 from echogrid.commands.replay import replay
 from echogrid.core.evidence.raster import GridSpec
-from echogrid.errors import EchogridError
+from echogrid.errors import EchogridError, NoMapError
 from echogrid.logs.drive import find_drive
 
 SHAPE = {"complete", "incomplete", "late"}
@@ -168,6 +169,16 @@ def test_bad_logs_are_one_sentence_and_write_nothing(
     assert complaint in done.stderr
     assert done.stderr.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_bad_frames_are_not_called_those_of_another_car(drive: Path, tmp_path: Path) -> None:
+    log = tmp_path / "short.log"
+    log.write_text(re.sub(r"(#(#.)?)[0-9A-F]+", r"\g<1>00", (drive / "can.log").read_text()))
+    with pytest.raises(NoMapError) as refused:
+        replay(find_drive(log, drive / "echogrid.toml"), tmp_path / "out")
+    frames = len(log.read_text().splitlines())
+    assert "no map came of it: it has 0 complete scans and " in str(refused.value)
+    assert f"; {frames} frames are bad: too short, " in str(refused.value)
 
 
 def test_what_is_missing_is_said(drive: Path, tmp_path: Path) -> None:

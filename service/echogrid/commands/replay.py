@@ -141,7 +141,7 @@ def replay(
                     on_progress(log.progress if kept is None else (1.0 + log.progress) / 2)
         except EchogridError as error:
             torn = error
-        if pipeline.health.unknown_frames == pipeline.health.frames - pipeline.health.bad_frames:
+        if not traffic.heard:
             if recording is not None:
                 recording.discard()
             raise torn or NoMapError(nothing_known(drive, pipeline, traffic))
@@ -162,8 +162,13 @@ def replay(
         if keeper is not None and torn is None:
             _flush(keeper)
     if torn is not None:
-        raise EchogridError(f"{torn}; the map {'up to there' if log.account.torn or not log.account.odd else 'of all else'} is in {out}")
+        raise in_part(torn, log, out)
     return summary
+
+
+def in_part(torn: EchogridError, log: Log, out: Path) -> EchogridError:
+    """What is wrong with a recording, and where the map of what could be read of it is."""
+    return EchogridError(f"{torn}; the map {'up to there' if log.account.torn or not log.account.odd else 'of all else'} is in {out}")
 
 
 def _flush(keeper: TileKeeper) -> None:
@@ -207,4 +212,6 @@ def nothing_known(drive: Drive, pipeline: Pipeline, traffic: Traffic) -> str:
 
 def why_none(pipeline: Pipeline, traffic: Traffic) -> str:
     scans = sum(sensor.complete for sensor in pipeline.health.sensors.values())
-    return "; ".join([f"it has {scans} complete scans and {traffic.motion} frames of ego motion", *traffic.strangers()])
+    bad = pipeline.health.bad_frames
+    said = [f"{bad} frames are bad: too short, or with a wrong checksum, counter, value or time"] if bad else []
+    return "; ".join([f"it has {scans} complete scans and {traffic.motion} frames of ego motion", *said, *traffic.strangers()])

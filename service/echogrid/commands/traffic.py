@@ -50,14 +50,19 @@ class Traffic:
                 self.repeated += int((np.diff(times) == 0).sum()) + (self._newest.get(frame_id) == float(times[0]))
                 self._newest[frame_id] = float(times[-1])
 
+    @property
+    def heard(self) -> bool:
+        """Whether any frame is one that is read, sound or not."""
+        return bool(self._heard)
+
     def coarse(self, times: Times) -> list[str]:
-        """Says so where times are too coarse for dead reckoning."""
+        """Says so where times do not tell frames of ego motion apart: nothing moves between two of the same time."""
         if times.seconds == 0 or self.repeated <= MOST_REPEATED * self.motion:
             return []
-        return [
-            f"its times are too coarse: they go on in steps of {times.finest:.3g} s, "
-            f"and {self.repeated} of {self.motion} frames of ego motion have the time of the one before"
-        ]
+        repeated = f"{self.repeated} of {self.motion} frames of ego motion have the time of the one before"
+        if times.finest < times.seconds * len(self._newest) / self.motion:  # finer than these frames come
+            return [f"its times do not tell its frames apart: {repeated}; they are there twice, or were stamped many at once"]
+        return [f"its times are too coarse: they go on in steps of {times.finest:.3g} s, and {repeated}"]
 
     def strangers(self) -> list[str]:
         """Why frames are not read whose ids are read but were not heard: their channel is another, or not said, or their ids' length is."""

@@ -19,6 +19,7 @@ from echogrid.live.service import Service
 from echogrid.logs.log import Log
 
 AHEAD_FRAMES = 512  # the player waits when the service is so far behind: nothing is lost, however slow the machine
+APART = 0.05  # s of the recording: buses have threads of their own, and none gets farther ahead of another
 PATIENCE = 20.0  # s
 LINGER = 0.3  # s for the last window to reach subscribers
 
@@ -69,12 +70,16 @@ class Player:
         self._service.live.wait(PATIENCE)
         config, readers = self._service.config, self._service.pipeline.signals.readers
         buses = senders(config)
+        level = 0.0  # s: the recording's time when all buses were last as far as each other
         try:
             for message in self._messages():
                 bus = bus_of(message, config.bus)
                 if message.is_error_frame or (bus, (message.arbitration_id, message.is_extended_id)) not in readers:
                     continue  # the service's filter would not let it through: it could not be waited for
                 self._wait_until_due(message.timestamp, stop)
+                if len(buses) > 1 and abs(message.timestamp - level) > APART:
+                    self._wait_for(self.sent, stop)
+                    level = message.timestamp
                 if stop.is_set():
                     return
                 buses[str(bus)].send(message)

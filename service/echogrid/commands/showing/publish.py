@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 
 from echogrid.commands.recorder import Recorder, report
-from echogrid.commands.replay import aside, nothing_known, say, true_poses, why_none
+from echogrid.commands.replay import aside, in_part, nothing_known, say, true_poses, why_none
 from echogrid.commands.state_log import StateLog
 from echogrid.commands.terminal import progress, show_map
 from echogrid.commands.traffic import Traffic
@@ -97,7 +97,7 @@ def publish(
     if not pipeline.health.cycles:
         raise player.torn or NoMapError(f"{drive.log}: no map came of it: {why_none(pipeline, traffic)}")
     if player.torn is not None:
-        raise EchogridError(f"{player.torn}; the map up to there is in {out}")
+        raise in_part(player.torn, log, out)
     return summary
 
 
