@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from tests.support.driven import MOUNTS, STEP, Driven, Errors, follow, town
+from tests.support.places import DOCS
 
 from echogrid.core.motion import error_model as model
 from echogrid.core.motion.error_filter import WINDOW, ErrorFilter
 from echogrid.core.motion.odometry import Odometry
+from echogrid.core.motion.se2 import SE2
 
 DEGREE = math.radians(1.0)
 KNOWN = Errors(0.02, 0.5 * DEGREE, 0.004, 1.48, 0.006, (1.2 * DEGREE, -0.8 * DEGREE, 0.5 * DEGREE, -1.5 * DEGREE), (0.04, -0.03, 0.0, 0.05))
@@ -181,13 +184,22 @@ def test_the_next_drive_of_the_car_begins_with_what_is_known_of_it() -> None:
     assert sigma < found(cold, model.BIAS)[1]
 
 
-def test_creeping_with_wheels_at_0_makes_the_heading_unsure() -> None:
+@pytest.mark.parametrize("rate", [0.06, -0.15])
+def test_creeping_with_wheels_at_0_makes_the_heading_unsure_and_the_place(rate: float) -> None:
+    """By all that it turned, and by 0.3 m in a second, which grow as a random walk's."""
     count = round(3.0 / STEP)
     drive = Driven(np.zeros(count), np.zeros(count), Errors(), seed=10)
-    drive.gyro += 0.15
-    odometry = follow(drive)
-    turned = 0.15 * 3.0
-    assert math.sqrt(odometry.errors.certainty(0.0, 0.0).pose[2, 2]) == pytest.approx(turned, rel=0.1)
+    drive.gyro += rate
+    pose = follow(drive).errors.certainty(0.0, 0.0).pose
+    assert math.sqrt(pose[2, 2]) == pytest.approx(abs(rate) * 3.0, rel=0.1)
+    assert np.sqrt(np.diag(pose)[:2]) == pytest.approx([0.3 * math.sqrt(3.0)] * 2, rel=0.05)
+
+
+def test_a_gyro_that_shows_next_to_nothing_while_the_car_stands_is_no_creeping() -> None:
+    errors = ErrorFilter((), "never")
+    for _ in range(30):
+        errors.travel(SE2(0.0, 0.0, 0.0), SE2(0.0, 0.0, 0.0), 0.1, 0.0, 0.019, 0.0)
+    assert errors.certainty(0.0, 0.0).pose.max() < 1e-6
 
 
 def test_an_outlier_of_the_wheels_changes_nothing() -> None:
@@ -195,3 +207,40 @@ def test_an_outlier_of_the_wheels_changes_nothing() -> None:
     mean = errors.mean.copy()
     errors._observe({model.TRACK: 0.1}, 5.0, 1e-4)
     assert (errors.mean == mean).all()
+
+
+UNITS = {"%": 0.01, "°/s": DEGREE, "°": DEGREE, "ms": 1e-3, "cm": 1e-2, "mm/s": 1e-3, "m": 1.0, "m/s": 1.0, "rad/s": 1.0}
+
+
+def told(text: str) -> float:
+    """The first number with a unit; 0 where there is none."""
+    found = re.match(r"(?:[\d.]+ ± )?([\d.]+) ?(%|°/s|°|ms|cm|mm/s|m/s|m|rad/s)(?![\w/])", text)
+    return float(found[1]) * UNITS[found[2]] if found else 0.0
+
+
+def test_what_errors_may_be_is_as_the_document_says() -> None:
+    """Of a car with two radars: priors, how far errors wander in a second and between drives, what is no error, and what disturbs."""
+    text = (DOCS / "motion.md").read_text()
+    table = text.split("| error | true value |")[1].split("\n\n")[0].splitlines()[2:]
+    columns = [
+        [told(cell) for cell in column] for column in zip(*([cell.strip() for cell in row.split("|")[3:6]] for row in table), strict=True)
+    ]
+    mean, covariance = model.prior(2)
+    for column, found_ in zip(columns, (covariance, model.wandering(2), model.resting(2)), strict=True):
+        expected = [0.0] * model.POSE + column[: model.CAR] + 2 * column[model.CAR :]
+        np.testing.assert_allclose(found_, np.diag(np.square(expected)), rtol=1e-12)
+    assert mean.tolist() == [0.0] * model.TRACK + [model.USUAL_TRACK] + [0.0] * (len(mean) - model.TRACK - 1)
+    assert f"| {model.USUAL_TRACK:g} ± " in text
+    for noise, pattern in {
+        model.WHEEL_NOISE: r"what is left of them is (.*?) and",
+        model.GYRO_NOISE: r"what is left of them is .*? and (.*?) in the",
+        model.HEADING_NOISE: r"the heading wanders by (.*?) in √s",
+        model.TURN_NOISE: r"in √s and (.*?) in √rad",
+        model.ALONG_NOISE: r"the place by (.*?) in √m",
+        model.SIDE_NOISE: r"the place by (.*?) in √m",
+        model.STANDING_NOISE: r"of a stop \| bias \| (.*?) over a second",
+        model.DIFFERENCE_NOISE: r"uneven wheels \| (.*?) \(recorded",
+        model.DIFFERENCE_DELAY: r"and what (.*?) between the two signals",
+    }.items():
+        (said,) = re.findall(pattern, text)
+        assert told(said) == pytest.approx(noise), pattern
