@@ -30,7 +30,7 @@ LOOP_GROWTH = 2.5  # of a loop
 TURNS, ROUNDS = 8, 6  # of a loop: a round that is within the budget ends it
 # Calls in an update.
 CALLS: dict[str, float] = {
-    "frames to scans and motion": 848,
+    "frames to scans and motion": 357,
     "motion to poses": 340,
     "trust: which radars, which motion": 323,
     "poses, detections, movers and the rest": 238,
@@ -51,6 +51,7 @@ SHARES: dict[str, float] = {
     "add_clamped": 0.176,
     "add_look": 0.343,
     "add_measured": 0.087,
+    "assemble": 0.007,
     "beside": 0.05,
     "bilinear": 0.164,
     "common_motion": 0.103,
@@ -66,9 +67,7 @@ SHARES: dict[str, float] = {
     "note_view": 0.393,
     "odds": 0.135,
     "percent": 0.165,
-    "quantities": 0.039,
     "read_out": 0.096,
-    "signals": 0.056,
 }
 
 COMPARED = pytest.mark.skipif(

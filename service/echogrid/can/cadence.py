@@ -34,6 +34,7 @@ class Cadence:
         self._steps = 1.0
         self._last: tuple[int, int] | None = None  # number, ns
         self._lately: list[float] = []  # s, the last steps
+        self._for = 0.0  # s, their sum
         self._steady = True  # whether most of them are alike
         self._left_out = 0  # periods of late without a frame that the counter does not tell
         self._left_out_ns = 0
@@ -52,10 +53,13 @@ class Cadence:
             self._first += [elapsed / counted] if elapsed > 0 else []
             self._period = median(self._first) if len(self._first) == FIRST else 0.0
             return
-        self._lately.append(elapsed / counted)
-        rounds, off = divmod(round(elapsed / self._period) - counted + 1, self.size)
+        step = elapsed / counted
+        self._lately.append(step)
+        self._for += step
+        periods = round(elapsed / self._period)
+        rounds, off = divmod(periods - counted + 1, self.size)
         assumed = rounds * self.size if off <= 2 else 0  # the counter went round while frames were lost, or back: two in the wrong order
-        skipped = round(elapsed / self._period) - counted - assumed
+        skipped = periods - counted - assumed
         assumed += skipped if 0 < skipped <= UNCOUNTED else 0
         counted += assumed
         if assumed > 0:
@@ -87,9 +91,9 @@ class Cadence:
 
         Where most steps are irregular, those that are like the period would draw it to where they are most: then it follows the mean.
         """
-        if len(self._lately) < FEWEST or sum(self._lately) < LATELY:
+        if len(self._lately) < FEWEST or self._for < LATELY:
             return
-        mean, middle = sum(self._lately) / len(self._lately), median(self._lately)
+        mean, middle = self._for / len(self._lately), median(self._lately)
         regular = sum(abs(step - middle) < REGULAR * middle for step in self._lately) / len(self._lately)
         self._steady = regular > STEADY
         if min(mean, middle) > (1 + REGULAR) * self._period or max(mean, middle) < (1 - REGULAR) * self._period:
@@ -97,3 +101,4 @@ class Cadence:
         elif not self._steady:
             self._period += (mean - self._period) * FOLLOWS
         self._lately.clear()
+        self._for = 0.0

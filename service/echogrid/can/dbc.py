@@ -128,12 +128,12 @@ class Checksum:
     def __init__(self, layout: SignalLayout, compute: Callable[[bytes], int]) -> None:
         self.layout = layout
         self.compute = compute
-        self._first = first_byte(layout)
-        self._after = self._first + layout.length // 8
+        first = first_byte(layout)
+        self.place = first, first + layout.length // 8  # of its bytes: the first, and the first behind it
 
     def others(self, payload: bytes) -> bytes:
         """The payload without the checksum's own bytes."""
-        return payload[: self._first] + payload[self._after :]
+        return payload[: self.place[0]] + payload[self.place[1] :]
 
     def holds(self, payload: bytes, summed: bytes | None = None) -> bool:
         """Whether the payload's checksum is that of `summed` (default: of the payload's other bytes)."""

@@ -51,6 +51,14 @@ class SignalLayout:
         return value - (1 << self.length) if self.is_signed and value >> (self.length - 1) else value
 
 
+Place = tuple[int, int, int, int, int]  # where an integer is, as the loops have it
+
+
+def place_of(layout: SignalLayout | None) -> Place:
+    """None: nowhere."""
+    return (0, 1, 0, 0, 0) if layout is None else (layout.lsb_byte, layout.step, layout.shift, layout.length, int(layout.is_signed))
+
+
 def layout_of(signal: Signal) -> SignalLayout:
     """The layout of a signal as its file describes it."""
     scale, offset = signal.scale, signal.offset
@@ -143,10 +151,15 @@ class BatchDecoder:
         self.layouts = tuple(layout_of(signal) for signal in columns)
         self._compile()
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether all signals are in every payload, and integers times a scale that floats hold."""
+        special = self._floats or self._unsigned64 or self._big or self._conditions or self._branches
+        return not special and len(self.names) == len(self.layouts)
+
     def _compile(self) -> None:
         layouts = self.layouts
-        places = [(layout.lsb_byte, layout.step, layout.shift, layout.length, layout.is_signed) for layout in layouts]
-        self._places = np.array(places, dtype=np.int64).reshape(-1, 5)
+        self._places = np.array([place_of(layout) for layout in layouts], dtype=np.int64).reshape(-1, 5)
         self._linear = np.array([(layout.scale, layout.offset) for layout in layouts], dtype=np.float64).reshape(-1, 2)
         self._floats = [(column, layout.length) for column, layout in enumerate(layouts) if layout.is_float]
         self._unsigned64 = [c for c, layout in enumerate(layouts) if layout.length == 64 and not layout.is_signed]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import can
+import numpy as np
 
 from echogrid.can.cadence import JUMP, Cadence
 from echogrid.can.database import Message
@@ -15,12 +15,12 @@ from echogrid.can.profile import FrameCrc, MotionProfile
 from echogrid.can.quantity import QuantityReader
 from echogrid.config.tables import Motion
 from echogrid.core.health import Health
-from echogrid.core.messages import EgoMotion, Speed, YawRate
+from echogrid.core.kernels.plans import Plan
+from echogrid.core.messages import EgoMotion, Floats, Speed, YawRate
 from echogrid.errors import EchogridError
 
 FrameId = tuple[int, bool]
-Values = tuple[float, float, float]  # rear left and right, yaw rate
-NO_VALUES: Values = (math.nan, math.nan, math.nan)
+REAR = ("rear_left", "rear_right")
 CATCH_UP_NS = 250_000_000  # after a jump of time, for frames that waited
 
 
@@ -44,7 +44,7 @@ class MotionReader:
         wheels, yaw = profile.wheel_speeds, profile.yaw_rate
         wheel_message = dbc.message(wheels.message, "wheel_speeds.message")
         yaw_message = dbc.message(yaw.message, "yaw_rate.message")
-        rear = {"rear_left": wheels.rear_left, "rear_right": wheels.rear_right}
+        rear = dict(zip(REAR, (wheels.rear_left, wheels.rear_right), strict=True))
         self.wheels = QuantityReader(dbc, [wheel_message], rear, "wheel_speeds")
         self.yaw_rate = QuantityReader(dbc, [yaw_message], {"yaw_rate": yaw.yaw_rate}, "yaw_rate")
         self.wheel_id, self.yaw_id = id_of(wheel_message), id_of(yaw_message)
@@ -67,46 +67,57 @@ class MotionReader:
         return set(self.checks)
 
     def add(self, message: can.Message, received_ns: int) -> list[EgoMotion]:
-        """As `read`, of one message."""
-        frame_id, data = (message.arbitration_id, message.is_extended_id), bytes(message.data)
-        length = self.checks[frame_id].length
-        values = self.values(frame_id, stack([data[:length]], length)) if len(data) >= length else [NO_VALUES]
-        return self.read(frame_id, data, received_ns, values[0])
-
-    def values(self, frame_id: FrameId, rows: Payloads) -> list[Values]:
-        """What is in payloads (N, length) of an id: speeds of the rear wheels and the yaw rate, NaN where it has them not."""
-        left = right = yaw_rate = [math.nan] * len(rows)
-        if frame_id == self.wheel_id:
-            left, right = (column.tolist() for column in self.wheels.read(rows).values())
-        if frame_id == self.yaw_id:
-            yaw_rate = self.yaw_rate.read(rows)["yaw_rate"].tolist()
-        return list(zip(left, right, yaw_rate, strict=True))
-
-    def read(self, frame_id: FrameId, data: bytes, received_ns: int, values: Values) -> list[EgoMotion]:
-        """What the frame, with these values in it, says of the motion. Raises ValueError for a bad frame, which changes nothing."""
+        """As `read`, of one message. Raises ValueError for one that is too short or wrong as well."""
+        frame_id = message.arbitration_id, message.is_extended_id
         check = self.checks[frame_id]
-        payload = check.payload(data)
-        left, right, yaw_rate = values
-        motion: list[EgoMotion] = []
-        reverse = self.reverse
-        if frame_id == self.direction_id and self.direction is not None and self.profile.direction is not None:
-            raw = self.direction.raw(payload)
-            if raw not in self.profile.direction.unknown:
-                reverse = raw in self.profile.direction.reverse
+        payload = check.payload(bytes(message.data))
+        raw = 0 if self.direction is None or frame_id != self.direction_id else self.direction.raw(payload)
+        values = self.values(frame_id, stack([payload], check.length))[0].tolist()
+        return self.read(frame_id, values, (check.number(payload), raw), received_ns)
+
+    def values(self, frame_id: FrameId, rows: Payloads) -> Floats:
+        """(N, 3) in payloads (N, length) of an id: speeds of the rear wheels and the yaw rate, NaN where it has them not."""
+        found = np.full((3, len(rows)), math.nan)
         if frame_id == self.wheel_id:
-            scale = -self.metres_per_unit if reverse else self.metres_per_unit
-            motion.append(Speed(received_ns - self.wheel_latency_ns, (left + right) / 2 * scale, difference=(right - left) * scale))
+            found[:2] = list(self.wheels.read(rows).values())
         if frame_id == self.yaw_id:
-            motion.append(YawRate(received_ns - self.yaw_latency_ns, yaw_rate - self.yaw_rate_bias))
-        for sample in motion:
-            if math.isnan(sample.speed if isinstance(sample, Speed) else sample.yaw_rate):
-                raise ValueError("invalid value")
-        continues = check.accept(payload, received_ns)
+            found[2] = self.yaw_rate.read(rows)["yaw_rate"]
+        return found.T
+
+    def plans(self, frame_id: FrameId) -> tuple[Plan | None, Plan | None] | None:
+        """The same for the loops: of the wheels and of the yaw rate, None where it has them not; None where only `values` can."""
+        asked = (
+            (self.wheels if frame_id == self.wheel_id else None, REAR),
+            (self.yaw_rate if frame_id == self.yaw_id else None, ("yaw_rate",)),
+        )
+        found = [None if reader is None else reader.plan(columns) for reader, columns in asked]
+        if any(plan is None and reader is not None for plan, (reader, _) in zip(found, asked, strict=True)):
+            return None
+        return found[0], found[1]
+
+    def read(self, frame_id: FrameId, values: list[float], counted: tuple[int, int], received_ns: int) -> list[EgoMotion]:
+        """What a sound frame, with these values, counter and direction in it, says of the motion. Raises ValueError for one that says
+        nothing, which changes nothing."""
+        left, right, yaw_rate = values
+        counter, direction = counted
+        check, wheels, turns = self.checks[frame_id], frame_id == self.wheel_id, frame_id == self.yaw_id
+        if check.counter is not None and counter == check.last:
+            raise ValueError("repeated counter")
+        if (wheels and math.isnan(left + right)) or (turns and math.isnan(yaw_rate)):
+            raise ValueError("invalid value")
+        continues = check.accept(counter, received_ns)
         self.health.lost_frames += check.missing
-        self.reverse = reverse
+        if frame_id == self.direction_id and self.profile.direction is not None and direction not in self.profile.direction.unknown:
+            self.reverse = direction in self.profile.direction.reverse
+        motion: list[EgoMotion] = []
         if continues is None:
-            return []
-        return motion if continues else [replace(sample, continues=False) for sample in motion]
+            return motion
+        if wheels:
+            scale = -self.metres_per_unit if self.reverse else self.metres_per_unit
+            motion.append(Speed(received_ns - self.wheel_latency_ns, (left + right) / 2 * scale, continues, (right - left) * scale))
+        if turns:
+            motion.append(YawRate(received_ns - self.yaw_latency_ns, yaw_rate - self.yaw_rate_bias, continues))
+        return motion
 
 
 class FrameCheck:
@@ -136,16 +147,20 @@ class FrameCheck:
             raise ValueError("repeated counter")
         return payload
 
-    def accept(self, payload: bytes, received_ns: int) -> bool | None:
+    def number(self, payload: bytes) -> int:
+        """By the counter; 0 without one."""
+        return 0 if self.counter is None else self.counter.raw(payload)
+
+    def accept(self, number: int, received_ns: int) -> bool | None:
         """Takes the counter over; False where time has jumped since an earlier frame, None while that is not known.
 
         An adapter that stamps frames in a process stamps those that waited for it late, all at once: then nothing has jumped.
         """
         if self.counter is None or self.cadence is None:
             return True
-        self.last = self.counter.raw(payload)
+        self.last = number
         before = self.cadence.lag
-        self.cadence.add(self.last, received_ns)
+        self.cadence.add(number, received_ns)
         if self._jumped is None and abs(self.cadence.lag - before) >= JUMP:
             self._jumped = received_ns, before
         if self._jumped is None:

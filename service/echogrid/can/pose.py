@@ -61,7 +61,7 @@ class PoseReader:
         """What the frame says of the pose. Raises ValueError for a bad frame, which changes nothing; values that are none are counted."""
         check = self.checks[frame_id]
         payload = check.payload(data)
-        check.accept(payload, received_ns)
+        check.accept(check.number(payload), received_ns)
         found: list[PoseFix] = []
         if frame_id == self.heading_id:
             yaw = float(self.heading.read(stack([payload], check.length))["yaw"][0])

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from itertools import chain
 
 import numpy as np
 
 from echogrid.can.database import Message
 from echogrid.can.dbc import Dbc
-from echogrid.can.decode import BatchDecoder, Payloads, same_layout
+from echogrid.can.decode import BatchDecoder, Payloads, place_of, same_layout
 from echogrid.can.profile import Quantity, Valid
+from echogrid.core.kernels.assembly import ROW_BYTES
 from echogrid.core.kernels.dispatch import loops
+from echogrid.core.kernels.frames import GREATEST
+from echogrid.core.kernels.plans import MOST_SIGNALS, Plan
 from echogrid.core.messages import Floats
 from echogrid.errors import EchogridError
 
 PLACE = re.compile(r"\{[nk](:0\dd)?\}")
-GREATEST = 1e9  # SI units; a larger value is not a measurement, but a float read from garbage
 
 
 class QuantityReader:
@@ -66,6 +69,18 @@ class QuantityReader:
             physical, raw, there, self.per_frame, self._plan, self._units, self._flags, self._numbers, self._everywhere, GREATEST, out
         )
         return dict(zip(self.quantities, out, strict=True))
+
+    def plan(self, columns: Sequence[str]) -> Plan | None:
+        """The same for the loops that read frames as they come, each quantity in the column of its name; None where only `read` can."""
+        decoder = self._decoder
+        layouts, flags = decoder.layouts, self._flags.tolist()
+        if not decoder.is_plain or len(layouts) > MOST_SIGNALS or decoder.length > ROW_BYTES:
+            return None
+        head = (decoder.length, self.per_frame, self._everywhere, len(layouts), len(self._plan), len(flags), len(self._numbers), 0)
+        plan = [(*row, columns.index(name)) for name, row in zip(self.quantities, self._plan.tolist(), strict=True)]
+        linear = [(layout.scale, layout.offset) for layout in layouts]
+        rows = (*map(place_of, layouts), *plan, *flags, self._numbers.tolist())
+        return Plan((*head, *chain.from_iterable(rows)), tuple(map(float, chain(*linear, *self._units.tolist()))))
 
     def _compile(self, row: Mapping[str, int], valid: Valid | None) -> None:
         """As `loops.quantities` wants it. `row`: of each signal."""

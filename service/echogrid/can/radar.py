@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import can
 import numpy as np
@@ -11,12 +12,27 @@ import numpy as np
 from echogrid.can.cadence import Cadence
 from echogrid.can.database import Message
 from echogrid.can.dbc import Checksum, Dbc
-from echogrid.can.decode import Payloads, SignalLayout
+from echogrid.can.decode import SignalLayout, place_of
 from echogrid.can.profile import Detections, RadarProfile
 from echogrid.can.quantity import QuantityReader, fill
 from echogrid.core.health import SensorHealth
+from echogrid.core.kernels.identify import Sort
+from echogrid.core.kernels.scans import NEVER, chosen
 from echogrid.core.messages import Floats, RadarScan
-from echogrid.core.radar.scan import NO_FIELD, Assembly, AssemblyRule, Cycle, Field, FrameKind, FrameRole, known_row
+from echogrid.core.radar.scan import (
+    ALWAYS,
+    COLUMNS,
+    VALUES,
+    Assembly,
+    AssemblyRule,
+    Columns,
+    Cycle,
+    FrameKind,
+    FrameRole,
+    Frames,
+    Unread,
+    known_row,
+)
 
 FrameId = tuple[int, bool]  # arbitration id, extended
 
@@ -40,11 +56,17 @@ class RadarReader:
             cycle_bits=profile.detections.cycle_bits,
             timeout_ns=round(profile.timeout_ms * 1e6),
             per_frame=profile.detections.per_frame,
-            cycle=_field(layout.cycle),
-            detections_cycle=_field(layout.detections_cycle),
-            page=_field(layout.page),
-            counts=tuple(map(_field, layout.counts)),
+            cycle=place_of(layout.cycle),
+            detections_cycle=place_of(layout.detections_cycle),
+            page=place_of(layout.page),
+            counts=tuple(map(place_of, layout.counts)),
+            most=profile.max_detections,
+            bytes=layout.messages[0].length,
+            header_bytes=layout.header_length,
+            **layout.plans(),
+            **layout.summing(),
         )
+        self._sum = None if layout.cycle_crc is None else layout.cycle_crc.compute
         self._alone = Alone(self)
 
     @property
@@ -60,66 +82,64 @@ class RadarReader:
         """Those that frames (N,) complete, one after the other; bad frames are passed over."""
         return self._alone.scans(messages, received_ns)
 
+    def check(self, role: FrameRole) -> Checksum | None:
+        """A frame's own checksum."""
+        return self.layout.frame_crc if role.kind is FrameKind.DETECTIONS else None
+
     def holds(self, role: FrameRole, payload: bytes) -> bool:
         """Whether the frame's own checksum, if it has one, is right."""
-        crc = self.layout.frame_crc
-        return crc is None or role.kind is not FrameKind.DETECTIONS or crc.holds(payload)
+        crc = self.check(role)
+        return crc is None or crc.holds(payload)
 
     def scan(self, cycle: Cycle, received_ns: int) -> RadarScan | None:
         """What a whole cycle says; None, and counted, where its checksum is wrong."""
-        layout, length = self.layout, self.layout.messages[0].length
-        detections = cycle.detections[:, :length]
-        if layout.cycle_crc is not None and not self._checksum_holds(cycle, detections.tobytes(), layout.cycle_crc):
-            self.health.bad_crc += 1
+        health, cadence = self.health, self.cadence
+        if self._sum is not None and (cycle.summed is None or self._sum(cycle.summed) != cycle.said):
+            health.bad_crc += 1
             return None
-        values = {} if cycle.header_ns is None or layout.header_values is None else layout.header_values.read(cycle.header)
-        if layout.age_message is not None and layout.age is not None and cycle.age is not None:
-            values |= layout.age.read(cycle.age)
-        age = _or(values.get("age"), 0.0) + self.latency
-        if cycle.header_ns is not None and self.cadence is not None:
-            self.cadence.add(cycle.number, cycle.header_ns)
-        sent_ns = cycle.opened_ns if cycle.header_ns is None else cycle.header_ns
-        range_, azimuth, range_rate, rcs = self._detections(detections, cycle.announced) if len(detections) else _NOTHING
-        lag, missed = (0.0, 0) if self.cadence is None else (self.cadence.lag, self.cadence.missed)
+        values, columns, invalid, truncated = cycle.values, cycle.columns, cycle.invalid, cycle.truncated
+        if cycle.unread is not None:
+            values = self._values(cycle.unread)
+            columns, invalid, truncated = self._detections(cycle.unread)
+        health.invalid += invalid
+        health.truncated += truncated
+        age, ambiguity, blockage = values
+        lag, missed, sent_ns = 0.0, 0, cycle.opened_ns
+        if cycle.header_ns is not None:
+            sent_ns = cycle.header_ns
+            if cadence is not None:
+                cadence.add(cycle.number, sent_ns)
+        if cadence is not None:
+            lag, missed = cadence.lag, cadence.missed
         return RadarScan(
             self.sensor,
-            sent_ns - round(age * 1e9),
+            sent_ns - round(((0.0 if age != age else age) + self.latency) * 1e9),  # not itself: NaN, not said
             received_ns,
-            range_,
-            azimuth,
-            range_rate,
-            rcs,
-            _or(values.get("ambiguity"), self.profile.ambiguity_interval),
-            _or(values.get("blockage"), 0.0),
+            *columns,
+            self.profile.ambiguity_interval if ambiguity != ambiguity else ambiguity,
+            0.0 if blockage != blockage else blockage,
             lag,
             missed,
         )
 
-    def _checksum_holds(self, cycle: Cycle, detections: bytes, crc: Checksum) -> bool:
-        """Over the header, less the checksum itself, and the detection frames by slot."""
-        if cycle.header_ns is None:
-            return False
-        header = cycle.header[0, : self.layout.header_length].tobytes()
-        if self.layout.crc_in_header:
-            return crc.holds(header, crc.others(header) + detections)
-        return cycle.end is not None and crc.holds(cycle.end[0].tobytes(), header + detections)
+    def _values(self, cycle: Unread) -> list[float]:
+        """As a cycle's, of what the loops cannot read."""
+        layout, found = self.layout, dict[str, Floats]()
+        if cycle.header is not None and layout.header_values is not None:
+            found = layout.header_values.read(cycle.header)
+        if cycle.age is not None and layout.age is not None:
+            found |= layout.age.read(cycle.age)
+        return [float(found[name][0]) if name in found else math.nan for name in VALUES]
 
-    def _detections(self, rows: Payloads, limit: int) -> tuple[Floats, Floats, Floats, Floats]:
-        """Range, azimuth, range rate and RCS of the valid ones, the nearest `max_detections` in order of arrival. `limit` -1: none."""
-        values = self.layout.detections.read(rows)
-        if limit >= 0:
-            values = {name: value[:limit] for name, value in values.items()}
-        polar = _polar(values)
-        sound = np.isfinite(polar[0] + polar[1] + polar[2]) & (polar[0] > 0)  # the reader's values are small numbers, or NaN
-        kept = np.flatnonzero(sound)
-        self.health.invalid += len(sound) - len(kept)
-        if len(kept) > self.profile.max_detections:
-            self.health.truncated += len(kept) - self.profile.max_detections
-            nearest = np.argsort(polar[0][kept], kind="stable")[: self.profile.max_detections]
-            kept = kept[np.sort(nearest)]
-        elif len(kept) == len(sound):
-            return polar
-        return polar[0][kept], polar[1][kept], polar[2][kept], polar[3][kept]
+    def _detections(self, cycle: Unread) -> tuple[Columns, int, int]:
+        """As a cycle's columns, and how many are invalid and too many."""
+        if not len(cycle.detections):
+            return (np.empty(0),) * 4, 0, 0
+        values = self.layout.detections.read(cycle.detections)
+        if cycle.announced >= 0:
+            values = {name: value[: cycle.announced] for name, value in values.items()}
+        kept, invalid, truncated = chosen(_polar(values), self.profile.max_detections)
+        return (kept[0], kept[1], kept[2], kept[3]), invalid, truncated
 
 
 class Alone:
@@ -127,8 +147,8 @@ class Alone:
 
     def __init__(self, reader: RadarReader) -> None:
         self.reader = reader
-        self._assembly = Assembly([reader.rule], [reader.health])
-        self._known = np.array([known_row(0, role) for role in reader.roles.values()], np.int64)
+        known = np.array([known_row(0, role) for role in reader.roles.values()], np.int64)
+        self._assembly = Assembly([reader.rule], [reader.health], known)
         self._places = {frame_id: place for place, frame_id in enumerate(reader.roles)}
 
     def add(self, message: can.Message, received_ns: int) -> RadarScan | None:
@@ -154,42 +174,29 @@ class Alone:
     def _whole(self, received_ns: list[int], ids: list[FrameId], right: list[bool], payloads: list[bytes]) -> list[RadarScan | None]:
         """What the frames (N,) complete; None where a cycle's checksum is wrong."""
         sizes = np.array([len(payload) for payload in payloads], np.uint8)
-        found = [
-            self.reader.scan(cycle, received_ns[at])
-            for at, _, cycle in self._assembly.take(
-                np.array(received_ns, np.int64),
-                np.array([self._places[one] for one in ids], np.int64),
-                ~np.array(right, bool),
-                sizes,
-                np.cumsum(sizes, dtype=np.int64) - sizes,
-                np.frombuffer(b"".join(payloads), np.uint8),
-                self._known,
-            )
-        ]
+        frames = Frames(
+            np.array(received_ns, np.int64),
+            np.array([self._places[one] for one in ids], np.int64),
+            np.full(len(ids), Sort(0), np.uint8),  # whatever their times are
+            ~np.array(right, bool),
+            sizes,
+            np.cumsum(sizes, dtype=np.int64) - sizes,
+            np.frombuffer(b"".join(payloads), np.uint8),
+        )
+        taken = self._assembly.take(frames, 0, len(ids), NEVER, ALWAYS)
         self._assembly.counted()
-        return found
+        return [self.reader.scan(cycle, received_ns[cycle.place]) for cycle in taken.cycles]
 
 
-def _field(layout: SignalLayout | None) -> Field:
-    return NO_FIELD if layout is None else (layout.lsb_byte, layout.step, layout.shift, layout.length, int(layout.is_signed))
-
-
-_NOTHING = (np.empty(0),) * 4
-
-
-def _or(value: Floats | None, default: float) -> float:
-    return default if value is None or math.isnan(value[0]) else float(value[0])
-
-
-def _polar(values: dict[str, Floats]) -> tuple[Floats, Floats, Floats, Floats]:
-    """Range, azimuth, range rate, RCS; from positions and velocities where the sensor reports those."""
+def _polar(values: dict[str, Floats]) -> Floats:
+    """(4, N): range, azimuth, range rate, RCS; from positions and velocities where the sensor reports those."""
     if "x" in values:
         range_, azimuth = np.hypot(values["x"], values["y"]), np.arctan2(values["y"], values["x"])
     else:
         range_, azimuth = values["range"], values["azimuth"]
     range_rate = values["range_rate"] if "vx" not in values else np.cos(azimuth) * values["vx"] + np.sin(azimuth) * values["vy"]
     rcs = values["rcs"] if "rcs" in values else np.full(len(range_), np.nan)
-    return range_, azimuth, range_rate, rcs
+    return np.stack((range_, azimuth, range_rate, rcs))
 
 
 class _Layout:
@@ -248,6 +255,25 @@ class _Layout:
             self.crc_in_header = header is not None and profile.crc.message == header.message
             if not self.crc_in_header:
                 self.ends_with = profile.crc.message
+
+    def plans(self) -> dict[str, Any]:
+        """For an AssemblyRule; none where the loops cannot read all that there is to read."""
+        polar = {"range", "azimuth", "range_rate"} <= set(self.detections.quantities) <= set(COLUMNS)
+        plan = self.detections.plan(COLUMNS) if polar else None
+        header = None if self.header_values is None else self.header_values.plan(VALUES)
+        age = None if self.age is None else self.age.plan(VALUES)
+        if plan is None or (header is None and self.header_values is not None) or (age is None and self.age is not None):
+            return {}
+        return {"plan": plan, "header_plan": header, "age_plan": age}
+
+    def summing(self) -> dict[str, Any]:
+        """For an AssemblyRule: where the cycle's checksum is."""
+        crc = self.cycle_crc
+        if crc is None:
+            return {}
+        if not self.crc_in_header:
+            return {"summed": FrameKind.END, "sum": place_of(crc.layout)}
+        return {"summed": FrameKind.HEADER, "sum": place_of(crc.layout), "sum_bytes": crc.place}
 
     def _integer(self, template: str | None, key: str) -> SignalLayout | None:
         return None if template is None else self.dbc.integer(self.messages[0], self._first(template), key)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from operator import itemgetter
@@ -15,17 +16,15 @@ from echogrid.can.dbc import Dbc
 from echogrid.can.intake.frames import FrameBatch
 from echogrid.can.intake.table import UNKNOWN_BUS, Intake, Integers, Item, Reader, Table
 from echogrid.can.intake.traffic_time import TrafficTime
-from echogrid.can.motion import NO_VALUES, MotionReader
+from echogrid.can.motion import MotionReader
 from echogrid.can.pose import PoseReader
 from echogrid.can.profile import MotionProfile, PoseProfile, RadarProfile, find, load_motion, load_pose, load_radar
 from echogrid.can.radar import FrameId, RadarReader
 from echogrid.config.tables import Bus, Config
 from echogrid.core.health import Health, SensorHealth
-from echogrid.core.radar.scan import Assembly
+from echogrid.core.kernels.scans import NEVER
+from echogrid.core.radar.scan import ALWAYS, Assembly, Frames, Span, Taken
 from echogrid.errors import EchogridError
-
-Span = tuple[int, int]  # ns: the first, and the first behind it
-ALWAYS: Span = (-(2**63), 2**63 - 1)
 
 
 class SignalReader:
@@ -58,7 +57,7 @@ class SignalReader:
         self._numbers = {bus.name: number for number, bus in enumerate(config.bus)}
         self._table = Table(self.readers, self._numbers)
         self._radars = self._table.radars
-        self._assembly = Assembly([radar.rule for radar in self._radars], [radar.health for radar in self._radars])
+        self._assembly = Assembly([one.rule for one in self._radars], [one.health for one in self._radars], self._table.known)
 
     def _register(self, bus: str, reader: Reader, name: str) -> None:
         for frame_id in sorted(reader.ids):
@@ -84,8 +83,9 @@ class SignalReader:
 
     def are_motion(self, bus: str, batch: FrameBatch) -> NDArray[np.bool_]:
         """(N,) which of a bus's frames say how the car moves, or where it is."""
-        roles = self._table.roles(batch, np.full(len(batch), self.number(bus)))
-        found: NDArray[np.bool_] = (roles >= 0) & (self._table.known[roles, 0] < 0)
+        intake = self._table.intake(batch, np.full(len(batch), self.number(bus)))
+        found = np.zeros(len(batch), np.bool_)
+        found[intake.others] = True
         return found
 
     def add(self, bus: str, message: can.Message) -> list[Item]:
@@ -108,78 +108,69 @@ class SignalReader:
         In pieces: each ends behind the frame, which is told, after which the traffic's time is not within `due` any more, that is asked
         at the begin of each. A bad frame changes nothing and is counted; an error frame is not traffic.
         """
-        intake = Intake.of(batch, buses, self._table)
-        begin = 0
-        while begin < len(batch):
-            counts = intake.counts[begin:]
-            newest = self.time.newest_after(intake.received_ns[begin:], counts)
-            if newest is None:  # one by one, as far as it takes
-                end = begin + 1
-                taken = not counts[0] or self.time.takes(int(intake.received_ns[begin]))
-                yield end, self._read(intake, begin, end, taken)
-                begin = end
-                continue
-            base = begin
-            while begin < len(batch):
-                end = base + _end(newest, begin - base, due())
-                if intake.counts[begin:end].any():
-                    self.time.advance(int(newest[end - 1 - base]))
-                yield end, self._read(intake, begin, end, True)
-                begin = end
+        intake = self._table.intake(batch, buses)
+        begin, size = 0, len(batch)
+        while begin < size:
+            taken = self._assembly.take(intake.frames, begin, size, self._newest_ns, due())
+            if taken.is_stray and taken.end == begin:
+                taken = self._doubt(intake.frames, begin)
+            yield taken.end, self._read(intake, begin, taken)
+            begin = taken.end
 
-    def _read(self, intake: Intake, begin: int, end: int, taken: bool) -> list[Item]:
-        health, some = self.health, slice(begin, end)
-        frames = int(np.count_nonzero(intake.counts[some]))
-        health.frames += frames
-        health.clock_steps = self.time.set_back if frames else health.clock_steps
-        if not taken:
-            health.bad_frames += frames
+    @property
+    def _newest_ns(self) -> int:
+        return NEVER if self.time.newest_ns is None else self.time.newest_ns
+
+    def _doubt(self, frames: Frames, at: int) -> Taken:
+        """Takes a frame whose time is far off, if it is not a stray."""
+        if self.time.takes(int(frames.received_ns[at])):
+            return self._assembly.take(frames, at, at + 1, self._newest_ns, ALWAYS)
+        self.health.bad_frames += 1
+        return Taken(at + 1, NEVER, True, 1, 0, 0, False, [])
+
+    def _read(self, intake: Intake, begin: int, taken: Taken) -> list[Item]:
+        health = self.health
+        health.frames += taken.frames
+        if taken.frames:
+            health.clock_steps = self.time.set_back
+        if taken.newest_ns == NEVER and taken.frames:
             return []
-        health.unknown_frames += int(np.count_nonzero(intake.unknown[some]))
-        health.bad_frames += int(np.count_nonzero(intake.remote[some]))
-        found = self._others(intake, begin, end)
-        batch, roles = intake.batch, intake.roles[some]
-        cycles = self._assembly.take(
-            intake.received_ns[some], roles, intake.wrong[some], batch.sizes[some], batch.begins[some], batch.data, self._table.known
-        )
-        for at, number, cycle in cycles:
-            scan = self._radars[number].scan(cycle, int(intake.received_ns[begin + at]))
+        if taken.frames:
+            self.time.advance(taken.newest_ns)
+        health.unknown_frames += taken.unknown
+        found = self._others(intake, begin, taken.end)
+        for cycle in taken.cycles:
+            scan = self._radars[cycle.radar].scan(cycle, int(intake.frames.received_ns[cycle.place]))
             if scan is not None:
-                found.append((begin + at, scan))
-        health.bad_frames += self._assembly.counted()
-        found.sort(key=_place)
+                found.append((cycle.place, scan))
+        health.bad_frames += taken.remote + (self._assembly.counted() if taken.lost else 0)
+        if taken.cycles:
+            found.sort(key=_place)
         return [item for _, item in found]
 
     def _others(self, intake: Intake, begin: int, end: int) -> list[tuple[int, Item]]:
         """What no radar sent, frame by frame."""
         found: list[tuple[int, Item]] = []
-        places = np.flatnonzero(intake.others[begin:end]) + begin
-        if not len(places):
+        places = intake.others[bisect_left(intake.others, begin) : bisect_left(intake.others, end)]
+        if not places:
             return found
-        batch = intake.batch
-        columns = (places, intake.roles[places], intake.received_ns[places], batch.begins[places], batch.sizes[places])
-        data = batch.data.data
-        for at, role, received_ns, first, size in zip(*(column.tolist() for column in columns), strict=True):
+        frames = intake.frames
+        columns = (frames.roles, frames.received_ns, frames.wrong, intake.values, intake.counted)
+        for at, role, received_ns, wrong, values, counted in zip(places, *(column[places].tolist() for column in columns), strict=True):
             reader, frame_id = self._table.others[role]
-            payload = bytes(data[first : first + size])
             try:
+                if wrong:
+                    raise ValueError("too short, or a wrong checksum")
                 if isinstance(reader, MotionReader):
-                    said: Sequence[Item] = reader.read(frame_id, payload, received_ns, intake.values.get(at, NO_VALUES))
+                    said: Sequence[Item] = reader.read(frame_id, values, counted, received_ns)
                 else:
-                    said = reader.read(frame_id, payload, received_ns)
+                    first = int(frames.begins[at])
+                    said = reader.read(frame_id, frames.data[first : first + int(frames.sizes[at])].tobytes(), received_ns)
             except ValueError:
                 self.health.bad_frames += 1
                 continue
             found += [(at, item) for item in said]
         return found
-
-
-def _end(newest: Integers, begin: int, due: Span) -> int:
-    """Behind the first frame from `begin` on after which the time is not within the span; the frames' end if there is none."""
-    first, last = due
-    if newest[begin] < first:
-        return begin + 1
-    return min(int(np.searchsorted(newest[begin:], last)) + begin + 1, len(newest))
 
 
 _place = itemgetter(0)

@@ -6,16 +6,14 @@ Axes: x forward, y left, yaw and azimuth counter-clockwise positive (ISO 8855, R
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RadarScan:
+class RadarScan(msgspec.Struct, frozen=True, eq=False):
     """All detections of one measurement cycle of one radar, in the sensor's frame (x along boresight)."""
 
     sensor: str
@@ -38,11 +36,10 @@ class RadarScan:
         if which.all():
             return self
         seen = (self.range[which], self.azimuth[which], self.range_rate[which], self.rcs[which])
-        return replace(self, range=seen[0], azimuth=seen[1], range_rate=seen[2], rcs=seen[3])
+        return msgspec.structs.replace(self, range=seen[0], azimuth=seen[1], range_rate=seen[2], rcs=seen[3])
 
 
-@dataclass(frozen=True, slots=True)
-class Speed:
+class Speed(msgspec.Struct, frozen=True):
     """Speed of the rear-axle centre along x; negative in reverse."""
 
     stamp_ns: int
@@ -51,8 +48,7 @@ class Speed:
     difference: float = 0.0  # m/s by which the right rear wheel is faster than the left one
 
 
-@dataclass(frozen=True, slots=True)
-class YawRate:
+class YawRate(msgspec.Struct, frozen=True):
     """Turn rate about z, counter-clockwise positive."""
 
     stamp_ns: int
@@ -60,8 +56,7 @@ class YawRate:
     continues: bool = True
 
 
-@dataclass(frozen=True, slots=True)
-class PoseFix:
+class PoseFix(msgspec.Struct, frozen=True):
     """A pose from outside: where a point of the car is in the map frame, and where the point's x axis shows, each with its own time."""
 
     stamp_ns: int  # of the place

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from echogrid.core.messages import EgoMotion
@@ -114,7 +115,7 @@ def _kind(sender: Sender) -> str:
 
 def _track(sender: Sender) -> RadarTrack:
     """The scans as arrays; azimuths without a unit that are beyond a half turn are degrees."""
-    scans = [replace(scan, sensor="radar") for scan in sender.scans]
+    scans = [msgspec.structs.replace(scan, sensor="radar") for scan in sender.scans]
     (track,) = collect((), scans, {"radar": ANYWHERE}).radars
     draft = sender.draft
     if draft is not None and ("detections", "azimuth") in draft.remarks and len(track.azimuth):

@@ -228,6 +228,7 @@ CASES: dict[str, Callable[[Random, int], list[Any]]] = {
 }
 
 
+INTAKE = {"identify", "assemble"}  # by test_intake.py
 READERS = {"candump_lines", "asc_lines", "trc_lines", "csv_lines", "blf_objects"}  # held to the line readers by tests/logs/test_lines.py
 
 
@@ -264,45 +265,6 @@ def test_more_than_a_byte_counts_are_the_table_s_last(size: int) -> None:
         assert TABLE[min(size, 255)] in found[-1]
 
 
-def assembling(random: Random, size: int) -> list[Any]:
-    """Frames of three radars: with a header that counts, closed by a message, and without a header. Bytes: cycle, slot, count."""
-    known = [(0, 0, 3, -1, 0), (0, 1, 3, -1, 0), (0, 3, 2, -1, 0), (-1, 0, 0, -1, 0), (1, 1, 2, 0, 0), (1, 1, 2, 1, 0)]
-    known += [(1, 0, 3, -1, 0), (1, 2, 1, -1, 1), (2, 1, 3, 0, 0), (2, 1, 3, 1, 1)]
-    rules = [(0, 1, -1, -1, 40, 2), (1, 1, -1, 3, 40, 1), (1, 0, 2, -1, 40, 1)]
-    byte, none = [[place, 1, 0, 8, 0] for place in range(3)], [0, 1, 0, 0, 0]
-    motorola = [1, -1, 4, 4, 1]
-    fields = [[byte[0], byte[0], byte[1], byte[2], none], [byte[0], [0, 1, 0, 2, 0], none, byte[2], motorola], [none] * 5]
-    sizes = random.choice([3, 3, 3, 3, 3, 3, 1, 8], size).astype(np.uint8)
-    data = random.choice([0, 1, 1, 2, 3], 8 * size + 1).astype(np.uint8)
-    received = np.cumsum(random.integers(-2, 8, size)).astype(np.int64)
-    roles = random.integers(-1, len(known), size)
-    wrong, begins = random.random(size) < 0.05, np.arange(size, dtype=np.int64) * 8
-    state = [np.zeros((3, 12), np.int64), *np.zeros((2, 3, 4), np.int64), np.zeros((3, 7, 64), np.uint8), np.zeros((3, 5), np.int64)]
-    given = [np.array(known, np.int64), np.array(rules, np.int64), np.array(fields, np.int64)]
-    return [received, roles, wrong, sizes, begins, data, *given, *state, np.zeros(2, np.int64)]
-
-
-@given(seed=st.integers(0, 1 << 32), size=st.integers(0, 200))
-def test_cycles_are_put_together_as_in_numpy(seed: int, size: int) -> None:
-    found, expected = (assembling(np.random.default_rng(seed), size) for _ in range(2))
-    while expected[-1][0] < size:
-        compiled.assemble(*found)
-        reference.assemble(*expected)
-        for one, other in zip(found, expected, strict=True):
-            np.testing.assert_array_equal(one, other)
-
-
-def test_among_the_cycles_that_are_put_together_are_whole_ones_of_all_radars() -> None:
-    """Else the test above says little."""
-    whole = set()
-    for seed in range(20):
-        given = assembling(np.random.default_rng(seed), 200)
-        while given[-1][0] < 200:
-            reference.assemble(*given)
-            whole.add(int(given[-1][1]))
-    assert whole >= {0, 1, 2}
-
-
 def ordered(arguments: list[Any]) -> list[Any]:
     """Of a look: cells by their place within each tile, and nothing behind the last."""
     *given_, begins, inside, hits, near, passes, who = arguments
@@ -328,7 +290,7 @@ def test_the_logarithm_is_one() -> None:
 
 
 def test_every_loop_is_compared() -> None:
-    assert set(CASES) | READERS | {"assemble"} == {name for name in dir(compiled) if not name.startswith("_")}
+    assert set(CASES) | READERS | INTAKE == {name for name in dir(compiled) if not name.startswith("_")}
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from echogrid.core.health import SensorHealth
-from echogrid.core.radar.scan import NO_FIELD, Assembly, AssemblyRule, FrameKind, FrameRole, known_row
+from echogrid.core.kernels.scans import NEVER
+from echogrid.core.radar.scan import ALWAYS, NO_FIELD, Assembly, AssemblyRule, FrameKind, FrameRole, Frames, known_row
 
 MS = 1_000_000
 BYTE = [(place, 1, 0, 8, 0) for place in range(3)]  # cycle, slot, and in a header the count of detections
@@ -46,16 +47,15 @@ class Assembled:
 
     def __init__(self, rule: AssemblyRule, health: SensorHealth) -> None:
         self.health = health
-        self.assembly = Assembly([rule], [health])
+        self.assembly = Assembly([rule], [health], KNOWN)
 
     def add(self, sent: Sent) -> Done | None:
         role, payload, received_ns = sent
-        places = np.zeros(1, np.int64)
-        arrays = np.array([received_ns]), np.array([role]), np.zeros(1, np.bool_), np.array([len(payload)], np.uint8), places
-        found = [
-            Done(cycle.number, cycle.detections[:, 0].tolist(), cycle.detections[:, 1].tolist())
-            for _, _, cycle in self.assembly.take(*arrays, np.frombuffer(payload, np.uint8), KNOWN)
-        ]
+        sort, places = np.zeros(1, np.uint8), np.zeros(1, np.int64)
+        columns = np.array([received_ns]), np.array([role]), sort, np.zeros(1, np.bool_), np.array([len(payload)], np.uint8), places
+        taken = self.assembly.take(Frames(*columns, np.frombuffer(payload, np.uint8)), 0, 1, NEVER, ALWAYS)
+        rows = [(cycle.number, cycle.unread.detections) for cycle in taken.cycles if cycle.unread is not None]
+        found = [Done(number, detections[:, 0].tolist(), detections[:, 1].tolist()) for number, detections in rows]
         self.assembly.counted()
         return found[0] if found else None
 
@@ -168,15 +168,16 @@ def test_without_any_header_all_slots_make_it_whole() -> None:
 def test_of_two_radars_each_has_its_own_cycle() -> None:
     """Frames in one batch, taken by turns."""
     healths = [SensorHealth(), SensorHealth()]
-    assembly = Assembly([COUNTED, CLOSED], healths)
-    known = np.array([known_row(radar, role) for radar in range(2) for role in ROLES])
+    assembly = Assembly([COUNTED, CLOSED], healths, np.array([known_row(radar, role) for radar in range(2) for role in ROLES]))
     sent = [(0, header(1, 2)), (4, page(6 % 4, 5)), (1, page(1, 1)), (4 + 0, header(6, 1)), (1, page(1, 0)), (4 + 2, end())]
     sent[1], sent[3] = (5, page(6 % 4, 5)), (4, header(6, 1))
     data = np.frombuffer(b"".join(frame[1].ljust(8) for _, frame in sent), np.uint8)
     count = len(sent)
-    columns = np.full(count, 5 * MS), np.array([role for role, _ in sent]), np.zeros(count, np.bool_), np.full(count, 3, np.uint8)
-    cycles = assembly.take(*columns, np.arange(count) * 8, data, known)
-    found = [(at, radar, cycle.number, cycle.detections[:, 1].tolist()) for at, radar, cycle in cycles]
+    roles, sorts, begins = np.array([role for role, _ in sent]), np.zeros(count, np.uint8), np.arange(count) * 8
+    frames = Frames(np.full(count, 5 * MS), roles, sorts, np.zeros(count, np.bool_), np.full(count, 3, np.uint8), begins, data)
+    cycles = assembly.take(frames, 0, count, NEVER, ALWAYS).cycles
+    read = [(cycle, cycle.unread) for cycle in cycles if cycle.unread is not None]
+    found = [(cycle.place, cycle.radar, cycle.number, unread.detections[:, 1].tolist()) for cycle, unread in read]
     assert found == [(4, 0, 1, [0, 1]), (5, 1, 6, [5])]
     assert (assembly.counted(), healths) == (0, [SensorHealth(), SensorHealth()])
 

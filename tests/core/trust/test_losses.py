@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -106,9 +106,9 @@ def test_scans_whose_age_changes_are_told_by_how_much(age_ms: int, told: str | N
     watch = RadarWatch(AHEAD, SensorHealth())
     for n in range(1, 60):
         at_ns = n * 50 * MS
-        watch.look(replace(scan(at_ns), received_ns=at_ns + 30 * MS), 5.0)
+        watch.look(msgspec.structs.replace(scan(at_ns), received_ns=at_ns + 30 * MS), 5.0)
         assert "shifted" not in watch.doubts
-    watch.look(replace(scan(3000 * MS), received_ns=(3000 + age_ms) * MS), 5.0)
+    watch.look(msgspec.structs.replace(scan(3000 * MS), received_ns=(3000 + age_ms) * MS), 5.0)
     assert watch.doubts.get("shifted") == (told and f"shifted in time: its scans are {told} than usual")
 
 

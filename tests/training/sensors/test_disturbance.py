@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
+import msgspec
 import numpy as np
 from tests.support.recordings import random_detections, scan_of
 
@@ -47,7 +46,7 @@ def test_what_is_left_is_part_of_the_scan_and_all_else_stays() -> None:
         assert len(set(kept)) == len(kept)
         assert set(kept) <= rows
         assert np.isnan(left.rcs).all() or set(left.rcs.tolist()) <= set(whole.rcs.tolist())
-        for field in fields(RadarScan):
+        for field in msgspec.structs.fields(RadarScan):
             if field.name not in PER_DETECTION:
                 assert getattr(left, field.name) == getattr(whole, field.name)
 

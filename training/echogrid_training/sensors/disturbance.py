@@ -5,8 +5,9 @@ A network that always met four radars of one density calls silence free space.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from echogrid.core.messages import RadarScan
@@ -33,4 +34,6 @@ class Disturbance:
             return None
         chosen = np.random.default_rng((self.seed, scan.stamp_ns)).uniform(size=len(scan)) < kept
         rcs = np.full(len(scan), np.nan) if mute else scan.rcs
-        return replace(scan, range=scan.range[chosen], azimuth=scan.azimuth[chosen], range_rate=scan.range_rate[chosen], rcs=rcs[chosen])
+        return msgspec.structs.replace(
+            scan, range=scan.range[chosen], azimuth=scan.azimuth[chosen], range_rate=scan.range_rate[chosen], rcs=rcs[chosen]
+        )

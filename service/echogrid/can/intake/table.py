@@ -1,27 +1,43 @@
-"""Who reads which frame, asked for many at once."""
+"""Who reads which frame, and what of it does not depend on other frames, asked for many at once."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from echogrid.can.intake.frames import ERROR, EXTENDED, REMOTE, FrameBatch
-from echogrid.can.intake.traffic_time import nanoseconds
-from echogrid.can.motion import FrameId, MotionReader, Values
+from echogrid.can.decode import place_of
+from echogrid.can.intake.checks import Sums
+from echogrid.can.intake.frames import FrameBatch
+from echogrid.can.motion import FrameId, MotionReader
 from echogrid.can.pose import PoseReader
 from echogrid.can.radar import RadarReader
-from echogrid.core.messages import EgoMotion, PoseFix, RadarScan
-from echogrid.core.radar.scan import known_row
+from echogrid.core.kernels.dispatch import loops
+from echogrid.core.kernels.frames import GREATEST
+from echogrid.core.kernels.identify import BUS_BIT, EXTENDED_BIT, Sort
+from echogrid.core.kernels.plans import Plans
+from echogrid.core.messages import EgoMotion, Floats, PoseFix, RadarScan
+from echogrid.core.radar.scan import NO_FIELD, Frames, known_row
 
 Reader = RadarReader | MotionReader | PoseReader
 Item = RadarScan | EgoMotion | PoseFix
 Integers = NDArray[np.int64]
 UNKNOWN_BUS = -1
+OTHER = int(Sort.OTHER)
 NOBODY = (-1, 0, 0, -1, 0)  # a frame of no radar, as `assemble` has it
-_BUS, _EXTENDED = 33, 32  # bits of a key above those of the id
+SAYS_NOTHING = (-1, -1, -1, *NO_FIELD, *NO_FIELD)
+
+
+class Intake(msgspec.Struct, frozen=True, eq=False):
+    """A batch and what is known of its frames (N,) before their times are."""
+
+    frames: Frames
+    values: Floats  # (N, 3) of ego motion: speeds of the rear wheels, yaw rate; NaN where not said
+    counted: Integers  # (N, 2) of ego motion: counter, direction of travel
+    others: list[int]  # the frames that no radar sent, but somebody reads
 
 
 class Table:
@@ -31,72 +47,53 @@ class Table:
         """`buses`: their numbers."""
         self.radars = list(dict.fromkeys(one for one in readers.values() if isinstance(one, RadarReader)))
         self.others: dict[int, tuple[MotionReader | PoseReader, FrameId]] = {}
-        keys, rows, self._checked = list[int](), list[tuple[int, ...]](), dict[int, tuple[RadarReader, FrameId]]()
+        self._unread: list[tuple[int, MotionReader, FrameId]] = []  # motion frames that the loops cannot read
+        keys, rows, checks, says = list[int](), list[tuple[int, ...]](), list[tuple[int, ...]](), list[tuple[int, ...]]()
+        plans, sums = Plans(), Sums()
         for row, ((bus, frame_id), reader) in enumerate(readers.items()):
-            keys.append(buses.get(bus, -2) << _BUS | frame_id[1] << _EXTENDED | frame_id[0])
+            keys.append(buses.get(bus, -2) << BUS_BIT | frame_id[1] << EXTENDED_BIT | frame_id[0])
             if isinstance(reader, RadarReader):
-                rows.append(known_row(self.radars.index(reader), reader.roles[frame_id]))
-                if reader.layout.frame_crc is not None:
-                    self._checked[row] = reader, frame_id
-            else:
-                rows.append(NOBODY)
-                self.others[row] = reader, frame_id
-        self.known = np.array(rows, np.int64).reshape(-1, len(NOBODY))
-        order = np.argsort(keys, kind="stable")
-        self._keys, self._rows = np.array(keys, np.int64)[order], order.astype(np.int64)
-
-    def roles(self, batch: FrameBatch, buses: Integers) -> Integers:
-        """(N,) rows of `known`, -1 where nobody reads a frame."""
-        keys = buses << _BUS | (batch.flags & EXTENDED).astype(np.int64) << _EXTENDED | batch.ids
-        places = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
-        return np.where(self._keys[places] == keys, self._rows[places], -1)
-
-    def values(self, batch: FrameBatch, roles: Integers) -> dict[int, Values]:
-        """Of frames of ego motion that are long enough, by their place in the batch."""
-        found: dict[int, Values] = {}
-        for row, (reader, frame_id) in self.others.items():
-            if isinstance(reader, PoseReader):
+                role = reader.roles[frame_id]
+                rows.append(known_row(self.radars.index(reader), role))
+                checks.append(sums.add(reader.check(role), role.length))
+                says.append(SAYS_NOTHING)
                 continue
+            self.others[row] = reader, frame_id
+            rows.append(NOBODY)
+            if isinstance(reader, PoseReader):  # it checks them itself
+                checks.append(sums.add(None, 0))
+                says.append(SAYS_NOTHING)
+                continue
+            check, plan = reader.checks[frame_id], reader.plans(frame_id)
+            checks.append(sums.add(check.crc, check.length))
+            direction = reader.direction if frame_id == reader.direction_id else None
+            says.append((check.length, *map(plans.add, plan or (None, None)), *place_of(check.counter), *place_of(direction)))
+            if plan is None:
+                self._unread.append((row, reader, frame_id))
+        order = np.argsort(keys, kind="stable")
+        self.known = np.array(rows, np.int64)
+        keyed = np.array(keys, np.int64)[order], order.astype(np.int64)
+        self._arguments: tuple[Any, ...] = (
+            *(*keyed, self.known, np.array(checks, np.int64), sums.tables()),
+            *(np.array(says, np.int64), *plans.arrays(), GREATEST),
+        )
+
+    def intake(self, batch: FrameBatch, buses: Integers) -> Intake:
+        """`buses` (N,): by their numbers, UNKNOWN_BUS for others."""
+        size = len(batch)
+        received_ns, roles, sorts, wrong = (
+            np.empty(size, np.int64),
+            np.empty(size, np.int64),
+            np.empty(size, np.uint8),
+            np.empty(size, np.bool_),
+        )
+        values, counted = np.empty((size, 3)), np.empty((size, 2), np.int64)
+        columns = (batch.stamps, batch.ids, batch.flags, batch.sizes, batch.begins, batch.data, buses)
+        written = (received_ns, roles, sorts, wrong, values, counted)
+        loops.identify(*(*columns, *self._arguments, *written))
+        for row, reader, frame_id in self._unread:
             length = reader.checks[frame_id].length
             places = np.flatnonzero((roles == row) & (batch.sizes >= length))
-            if len(places):
-                rows = batch.data[batch.begins[places, None] + np.arange(length)]
-                found.update(zip(places.tolist(), reader.values(frame_id, rows), strict=True))
-        return found
-
-    def wrong(self, batch: FrameBatch, roles: Integers) -> NDArray[np.bool_]:
-        """(N,) where a radar's frame has a checksum of its own and it is wrong."""
-        found = np.zeros(len(batch), np.bool_)
-        if not self._checked:
-            return found
-        for at in np.flatnonzero(np.isin(roles, list(self._checked))).tolist():
-            reader, frame_id = self._checked[int(roles[at])]
-            role, begin = reader.roles[frame_id], int(batch.begins[at])
-            if batch.sizes[at] >= role.length:
-                found[at] = not reader.holds(role, batch.data[begin : begin + role.length].tobytes())
-        return found
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Intake:
-    """A batch and what is known of its frames (N,) before their times are."""
-
-    batch: FrameBatch
-    received_ns: Integers
-    counts: NDArray[np.bool_]  # as traffic: no error frame
-    unknown: NDArray[np.bool_]  # nobody reads them
-    remote: NDArray[np.bool_]  # of ids that are read
-    roles: Integers  # of frames with data that are read, else -1
-    others: NDArray[np.bool_]  # of them, those of no radar
-    wrong: NDArray[np.bool_]
-    values: dict[int, Values]
-
-    @classmethod
-    def of(cls, batch: FrameBatch, buses: Integers, table: Table) -> Intake:
-        """`buses` (N,): by their numbers in the table, UNKNOWN_BUS for others."""
-        roles, counts = table.roles(batch, buses), batch.flags & ERROR == 0
-        known, remote = roles >= 0, batch.flags & REMOTE != 0
-        roles = np.where(counts & ~remote, roles, -1)
-        others = (roles >= 0) & (table.known[roles, 0] < 0)
-        wrong, values = table.wrong(batch, roles), table.values(batch, roles)
-        return cls(batch, nanoseconds(batch.stamps), counts, counts & ~known, counts & known & remote, roles, others, wrong, values)
+            values[places] = reader.values(frame_id, batch.data[batch.begins[places, None] + np.arange(length)])
+        frames = Frames(received_ns, roles, sorts, wrong, batch.sizes, batch.begins, batch.data)
+        return Intake(frames, values, counted, (sorts & OTHER).nonzero()[0].tolist())

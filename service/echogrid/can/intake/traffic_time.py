@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from echogrid.core.kernels.scans import STEP_NS
 
-STEP_NS = 1_000_000_000  # a frame that is older or newer than the newest by more was not reordered: it is a stray, or time has stepped
 BACK_FOR_NS = 1_000_000_000  # if frames stay older than the newest one for so long, the clock was set back
 AHEAD_FOR = 5  # frames in a row so far after it: there was a pause, or the clock was set forward
-NEVER = -(2**63)  # ns, of the newest frame before there is one
 
 
 class TrafficTime:
@@ -44,29 +41,6 @@ class TrafficTime:
         """For how long frames have come that disagree."""
         return 0 if self._run_ns is None else self._run_ns[1] - self._run_ns[0]
 
-    def newest_after(self, received_ns: NDArray[np.int64], counts: NDArray[np.bool_]) -> NDArray[np.int64] | None:
-        """The newest time after each of the frames (N,) if all that count are taken, NEVER before the first; None if one may not be.
-
-        Changes nothing.
-        """
-        before = NEVER if self.newest_ns is None else self.newest_ns
-        newest = np.maximum.accumulate(np.where(counts, received_ns, NEVER))
-        np.maximum(newest, before, out=newest)
-        last = np.concatenate(([before], newest[:-1]))
-        away = np.abs(received_ns - last)[counts & (last != NEVER)]
-        return newest if not len(away) or away.max() <= STEP_NS else None
-
     def advance(self, newest_ns: int) -> None:
-        """To a time that `newest_after` gave, of frames that count."""
+        """To the time of the newest of frames none of which was off by more than a step."""
         self.newest_ns, self._run_ns = newest_ns, None
-
-
-def nanoseconds(stamps: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Seconds (N,) as ns, to the microsecond.
-
-    A float of seconds since 1970 holds microseconds, not nanoseconds. Of its fraction, 22 bits, the product is exact, so that it is rounded
-    as in a text log; rounding the whole float would give another microsecond for one frame in eight.
-    """
-    fraction, seconds = np.modf(stamps)
-    found: NDArray[np.int64] = (seconds.astype(np.int64) * 1_000_000 + np.rint(fraction * 1e6).astype(np.int64)) * 1000
-    return found

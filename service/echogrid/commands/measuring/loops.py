@@ -115,7 +115,7 @@ def noted(calls: Calls, sample: Sample) -> Iterator[None]:
             setattr(loops, name, work)
 
 
-# Of the update, not the readers' of recordings.
+# Of the update, not the readers' of recordings, nor `identify`, which is called once a batch.
 NAMES = frozenset(
     (
         *("moved", "draw_now", "draw_past", "draw_passes", "draw_looks", "bilinear", "nearest", "note_view", "add_look", "add_clamped"),
@@ -124,8 +124,7 @@ NAMES = frozenset(
             "look",
             "add_measured",
             "usual",
-            "signals",
-            "quantities",
+            "assemble",
             "fold",
             "odds",
             "beside",

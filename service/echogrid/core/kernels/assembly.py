@@ -1,11 +1,11 @@
-"""The reference's way to put the frames of radars' measurement cycles together."""
+"""The reference's way to put the frames of a radar's measurement cycles together."""
 
 from __future__ import annotations
 
 import math
 from enum import IntEnum
 
-from echogrid.core.kernels.cells import Bytes, Integers, Mask
+from echogrid.core.kernels.cells import Bytes, Integers
 
 ROW_BYTES = 64
 
@@ -21,7 +21,10 @@ class Kind(IntEnum):
 
 class Rule(IntEnum):
     """Columns of what is said of a radar: what ends a cycle, if it has a header, its frames (-1: as the header says), which bits of the
-    header's number its detections have, ns that it may last, and detections in a frame."""
+    header's number its detections have, ns that it may last, and detections in a frame. Plans, as `evaluate` has them, of the detections'
+    range, azimuth, range rate and RCS (-1: the caller reads them), and in header and age message of age, ambiguity and blockage (-1: none);
+    the most detections that a scan has; bytes of a detection frame and of the header. The Kind that has the cycle's checksum (-1: none),
+    and where in the header it begins and ends, if it has."""
 
     ENDS_WITH_MESSAGE = 0
     NEEDS_HEADER = 1
@@ -29,6 +32,26 @@ class Rule(IntEnum):
     MASK = 3
     TIMEOUT_NS = 4
     PER_FRAME = 5
+    PLAN = 6
+    HEADER_PLAN = 7
+    AGE_PLAN = 8
+    MOST_DETECTIONS = 9
+    BYTES = 10
+    HEADER_BYTES = 11
+    SUMMED_IN = 12
+    SUM_FROM = 13
+    SUM_AFTER = 14
+
+
+class Place(IntEnum):
+    """Rows of where a radar's integers are: the cycle's number in headers and in detections, the slot, the checksum, and from COUNT on
+    what the header's counts are."""
+
+    CYCLE = 0
+    DETECTIONS_CYCLE = 1
+    PAGE = 2
+    SUM = 3
+    COUNT = 4
 
 
 class State(IntEnum):
@@ -58,52 +81,7 @@ class Counted(IntEnum):
     BAD_CRC = 4
 
 
-def assemble(
-    received: Integers,
-    roles: Integers,
-    wrong: Mask,
-    sizes: Bytes,
-    begins: Integers,
-    data: Bytes,
-    known: Integers,
-    rules: Integers,
-    fields: Integers,
-    states: Integers,
-    slots: Integers,
-    numbers: Integers,
-    rows: Bytes,
-    counters: Integers,
-    event: Integers,
-) -> None:
-    """Takes frames (N,) from event[0] on until one makes a radar's cycle whole, or to their end. `event` (2,): where to go on, and which
-    radar it was, or -1.
-
-    A frame was received at ns `received`, is `known[roles]` (-1: nobody's) and has `sizes` bytes from `begins` on in `data`; `wrong`: its
-    checksum is. `known` (K, 5): radar (-1: not for here), Kind, least bytes, slot (-1: in order of arrival), 1 if it ends a cycle. `rules`
-    (R, 6): Rule. `fields` (R, 3 + counts, 5): where, as in `signals`, the cycle's number is in headers and in detections, the slot, and
-    what the header's counts are, all 0 for none.
-
-    Remembered: `states` (R, 12): State; `slots` and `numbers` (R, M) and `rows` (R, M + 3, 64) of the detections so far; the last three
-    rows are header, end and age. Of a whole cycle they are in the order of their slots. What is lost is counted in `counters` (R, 5).
-    """
-    event[1] = -1
-    for n in range(int(event[0]), len(received)):
-        event[0] = n + 1
-        if roles[n] < 0 or known[roles[n], 0] < 0:
-            continue
-        radar, kind, length, slot, last = known[roles[n]].tolist()
-        one = _Radar(rules[radar], fields[radar], states[radar], slots[radar], numbers[radar], rows[radar], counters[radar])
-        if sizes[n] < length or wrong[n]:
-            one.counters[Counted.BAD] += 1
-            one.counters[Counted.BAD_CRC] += sizes[n] >= length
-            continue
-        if one.take(kind, data[begins[n] : begins[n] + length], int(received[n]), slot, bool(last)):
-            event[1] = radar
-            return
-    event[0] = len(received)
-
-
-class _Radar:
+class Radar:
     """One radar's rows of all arrays."""
 
     def __init__(
@@ -112,8 +90,8 @@ class _Radar:
         self.rule, self.fields, self.state = rule, fields, state
         self.slots, self.numbers, self.rows, self.counters = slots, numbers, rows, counters
         self.most = len(slots)
-        self.has_number = bool(fields[0, 3])
-        self.numbered = self.has_number and bool(fields[1, 3])
+        self.has_number = bool(fields[Place.CYCLE, 3])
+        self.numbered = self.has_number and bool(fields[Place.DETECTIONS_CYCLE, 3])
 
     def take(self, kind: int, payload: Bytes, received_ns: int, slot: int, last: bool) -> bool:
         """Whether the frame makes the cycle whole."""
@@ -128,8 +106,9 @@ class _Radar:
             if not self._take_header(payload, received_ns):
                 return False
         elif kind == Kind.DETECTIONS:
-            number = _integer(payload, fields[1]) if fields[1, 3] else -1
-            if not self._take_detections(payload, received_ns, _integer(payload, fields[2]) if fields[2, 3] else slot, number):
+            number = integer(payload, fields[Place.DETECTIONS_CYCLE]) if fields[Place.DETECTIONS_CYCLE, 3] else -1
+            slot = integer(payload, fields[Place.PAGE]) if fields[Place.PAGE, 3] else slot
+            if not self._take_detections(payload, received_ns, slot, number):
                 return False
         if not self.rule[Rule.ENDS_WITH_MESSAGE]:
             return bool(state[State.OPEN]) and self._is_whole() and self._close()
@@ -142,7 +121,7 @@ class _Radar:
 
     def _take_header(self, payload: Bytes, received_ns: int) -> bool:
         state = self.state
-        number = _integer(payload, self.fields[0]) if self.has_number else -1
+        number = integer(payload, self.fields[Place.CYCLE]) if self.has_number else -1
         inside = bool(state[State.OPEN] and state[State.HAS_HEADER])
         before = state[State.NUMBER] if inside else state[State.LAST] if state[State.HAS_LAST] else None
         if self.has_number and before is not None and before == number:
@@ -152,7 +131,7 @@ class _Radar:
             self._give_up()
         if not state[State.OPEN]:
             self._begin(received_ns)
-        counts = [_integer(payload, field) for field in self.fields[3:] if field[3]]
+        counts = [integer(payload, field) for field in self.fields[Place.COUNT :] if field[3]]
         state[State.HAS_HEADER], state[State.NUMBER], state[State.HEADER_NS] = 1, number, received_ns
         state[State.COUNT] = sum(counts) if counts else -1
         state[State.EXPECTED] = math.ceil(max(sum(counts), 0) / self.rule[Rule.PER_FRAME]) if counts else -1
@@ -221,7 +200,7 @@ class _Radar:
         self.counters[Counted.INCOMPLETE] += 1
 
 
-def _integer(payload: Bytes, place: Integers) -> int:
+def integer(payload: Bytes, place: Integers) -> int:
     """A signal's integer, as `signals` has it."""
     byte, step, shift, length, is_signed = place.tolist()
     word = sum(int(payload[at]) << 8 * k for k in range(9) if 0 <= (at := byte + k * step) < len(payload))

@@ -12,8 +12,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define MOST 20
+#define MOST 24
 #define SIDE 128 /* cells along a tile's side */
+#define LITTLE (__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__)
 
 typedef struct {
     Py_buffer array[MOST];
@@ -765,6 +766,32 @@ KERNEL(usual) {
     return done(&given);
 }
 
+/* A signal's bits. `place`: byte of the lowest one, +1 upwards or -1 downwards, shift, length, is signed; bytes beyond the payload are 0. */
+static inline uint64_t bits_at(const uint8_t *payload, int64_t length, const int64_t *place) {
+    int64_t first = place[0], shift = place[2], bits = place[3];
+    uint64_t word = 0;
+    if (shift + bits <= 64 && (place[1] > 0 ? first >= 0 && first + 8 <= length : first >= 7 && first < length)) {
+        memcpy(&word, payload + (place[1] > 0 ? first : first - 7), sizeof word);
+        word = (place[1] > 0) == LITTLE ? word : __builtin_bswap64(word);
+        word >>= shift;
+    } else
+        for (int64_t k = 0; 8 * k < shift + bits; k++) {
+            int64_t at = first + k * place[1];
+            uint64_t byte = at >= 0 && at < length ? payload[at] : 0;
+            word |= 8 * k >= shift ? byte << (8 * k - shift) : byte >> (shift - 8 * k);
+        }
+    return bits < 64 ? word & (((uint64_t)1 << bits) - 1) : word;
+}
+
+static inline int64_t integer_of(uint64_t bits, const int64_t *place) {
+    uint64_t sign = place[4] ? (uint64_t)1 << (place[3] - 1) : 0;
+    return (int64_t)((bits ^ sign) - sign);
+}
+
+static inline int64_t integer_at(const uint8_t *payload, int64_t length, const int64_t *place) {
+    return integer_of(bits_at(payload, length, place), place);
+}
+
 KERNEL(signals) {
     TAKE("B2l2d2Q2!l2!d2!B2!");
     Py_ssize_t size = LENGTH(0, 0), length = LENGTH(0, 1), columns = LENGTH(1, 0);
@@ -774,17 +801,11 @@ KERNEL(signals) {
     for (Py_ssize_t n = 0; n < size; n++) {
         const uint8_t *payload = ROW(uint8_t, 0, n);
         for (Py_ssize_t c = 0; c < columns; c++) {
-            const int64_t *place = ROW(int64_t, 1, c); /* byte of the lowest bit, +1 upwards or -1 downwards, shift, length, is signed */
+            const int64_t *place = ROW(int64_t, 1, c);
             const double *linear = ROW(double, 2, c);
-            uint64_t word = 0, sign = place[4] ? (uint64_t)1 << (place[3] - 1) : 0;
-            for (int64_t k = 0; 8 * k < place[2] + place[3]; k++) {
-                int64_t at = place[0] + k * place[1];
-                uint64_t byte = at >= 0 && at < length ? payload[at] : 0;
-                word |= 8 * k >= place[2] ? byte << (8 * k - place[2]) : byte >> (place[2] - 8 * k);
-            }
-            word &= place[3] < 64 ? ((uint64_t)1 << place[3]) - 1 : ~(uint64_t)0;
+            uint64_t word = bits_at(payload, length, place);
             ROW(uint64_t, 3, n)[c] = word;
-            int64_t raw = (int64_t)((word ^ sign) - sign);
+            int64_t raw = integer_of(word, place);
             ROW(int64_t, 4, n)[c] = raw;
             ROW(double, 5, n)[c] = (double)raw * linear[0] + linear[1];
             ROW(uint8_t, 6, n)[c] = 1;
@@ -1140,6 +1161,7 @@ KERNEL(common_motion) {
 }
 
 #include "lines.h"
+#include "intake.h"
 #include "scans.h"
 
 #define ENTRY(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, "As reference." #name "."}
@@ -1148,7 +1170,7 @@ static PyMethodDef methods[] = {
     ENTRY(note_view), ENTRY(add_look),  ENTRY(add_clamped), ENTRY(elfes),     ENTRY(look),         ENTRY(add_measured), ENTRY(usual),
     ENTRY(signals),   ENTRY(quantities), ENTRY(fold), ENTRY(odds), ENTRY(beside), ENTRY(common_motion),
     ENTRY(read_out),  ENTRY(percent),
-    ENTRY(candump_lines), ENTRY(asc_lines), ENTRY(trc_lines), ENTRY(csv_lines), ENTRY(blf_objects), ENTRY(assemble),
+    ENTRY(candump_lines), ENTRY(asc_lines), ENTRY(trc_lines), ENTRY(csv_lines), ENTRY(blf_objects), ENTRY(assemble), ENTRY(identify),
     {NULL, NULL, 0, NULL},
 };
 static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "compiled", "The hot loops, compiled.", 0, methods, NULL, NULL, NULL, NULL};

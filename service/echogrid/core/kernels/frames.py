@@ -1,13 +1,16 @@
-"""The reference's loops over frames: signals out of payloads, and what they mean."""
+"""The reference's loops over payloads: signals out of them, and what these mean."""
 
 from __future__ import annotations
 
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from echogrid.core.kernels.cells import Bytes, Floats, Integers, Mask
+
+GREATEST = 1e9  # SI units; a larger value is not a measurement, but a float read from garbage
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of values that are garbage
@@ -70,3 +73,38 @@ def quantities(
             if flag >= 0:
                 value[~holds[flag]] = np.nan
         value[~(np.abs(value) < greatest)] = np.nan
+
+
+class Head(IntEnum):
+    """How a plan begins: bytes of a payload that are read, quantities of a kind in it, the flag that all need or -1, how many signals,
+    kinds of quantities, flags and numbers follow, and where its scales begin."""
+
+    BYTES = 0
+    EACH = 1
+    EVERYWHERE = 2
+    SIGNALS = 3
+    QUANTITIES = 4
+    FLAGS = 5
+    NUMBERS = 6
+    SCALES = 7
+
+
+def evaluate(plans: Integers, scales: Floats, at: int, payloads: Bytes, greatest: float, out: Floats) -> None:
+    """Quantities (columns, N * each), frame by frame, out of payloads (N, length or more), as the plan says that begins at `at`.
+
+    Behind its Head: (signals, 5) places, (quantities, 4) plan with the column of `out` as the fourth, (flags, 4) and the numbers. Of
+    `scales`: (signals, 2) linear and (quantities, 2) units. All as in `signals` and `quantities`. What no quantity goes into stays.
+    """
+    head = plans[at : at + len(Head)].tolist()
+    rows = [(head[Head.SIGNALS], 5), (head[Head.QUANTITIES], 4), (head[Head.FLAGS], 4), (head[Head.NUMBERS], 1)]
+    ends = np.cumsum([len(Head), *(count * width for count, width in rows)]) + at
+    places, plan, flags, numbers = (plans[a:b].reshape(shape) for a, b, shape in zip(ends, ends[1:], rows, strict=False))
+    first, last = head[Head.SCALES], head[Head.SCALES] + 2 * head[Head.SIGNALS]
+    linear, units = scales[first:last].reshape(-1, 2), scales[last : last + 2 * len(plan)].reshape(-1, 2)
+    shape = (len(payloads), len(places))
+    bits, raw, physical, there = np.empty(shape, np.uint64), np.empty(shape, np.int64), np.empty(shape), np.empty(shape, np.bool_)
+    signals(payloads[:, : head[Head.BYTES]], places, linear, bits, raw, physical, there)
+    found = np.empty((len(plan), len(payloads) * head[Head.EACH]))
+    each, everywhere = head[Head.EACH], head[Head.EVERYWHERE]
+    quantities(physical, raw, there, each, plan[:, :3], units, flags, numbers[:, 0], everywhere, greatest, found)
+    out[plan[:, 3]] = found

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from echogrid.core.kernels.answers import fold as fold
 from echogrid.core.kernels.answers import odds as odds
-from echogrid.core.kernels.assembly import assemble as assemble
 from echogrid.core.kernels.cells import (
     Bits,
     Bytes,
@@ -34,6 +33,7 @@ from echogrid.core.kernels.cells import (
 from echogrid.core.kernels.frames import quantities as quantities
 from echogrid.core.kernels.frames import signals as signals
 from echogrid.core.kernels.guessing import common_motion as common_motion
+from echogrid.core.kernels.identify import identify as identify
 from echogrid.core.kernels.lines import asc_lines as asc_lines
 from echogrid.core.kernels.lines import blf_objects as blf_objects
 from echogrid.core.kernels.lines import candump_lines as candump_lines
@@ -41,6 +41,7 @@ from echogrid.core.kernels.lines import csv_lines as csv_lines
 from echogrid.core.kernels.lines import trc_lines as trc_lines
 from echogrid.core.kernels.reading import percent as percent
 from echogrid.core.kernels.reading import read_out as read_out
+from echogrid.core.kernels.scans import assemble as assemble
 
 
 def moved(points: Floats, x: float, y: float, cos: float, sin: float, out: Floats) -> None:

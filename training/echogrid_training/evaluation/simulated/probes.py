@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 
 from echogrid.core.map.tiled_map import LogOdds, probability
@@ -113,4 +114,4 @@ def standing(before: Sequence[Event], seconds: int) -> Iterator[list[Event]]:
 
 def _again(scan: RadarScan, received_ns: int) -> RadarScan:
     age = scan.received_ns - scan.stamp_ns
-    return replace(scan, stamp_ns=received_ns - age, received_ns=received_ns, range_rate=np.zeros_like(scan.range_rate))
+    return msgspec.structs.replace(scan, stamp_ns=received_ns - age, received_ns=received_ns, range_rate=np.zeros_like(scan.range_rate))

@@ -1,0 +1,157 @@
+"""The compiled way from frames to scans and motion against the reference's: the same bits, whatever comes in."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from echogrid.core.kernels import reference
+from echogrid.core.kernels.plans import Plan, Plans
+from echogrid.core.kernels.scans import Event, Found, Why
+
+compiled: Any = pytest.importorskip("echogrid.core.kernels.compiled", reason="no C compiler was at hand when echogrid was installed")
+Random = np.random.Generator
+
+
+def plan(random: Random, columns: int, each: int, names: int) -> Plan:
+    """`names` signals of 16 bytes and four flags; quantities of the first three columns at least."""
+    places = []
+    for _ in range(names * each):
+        length, shift = int(random.integers(1, 65)), int(random.integers(0, 8))
+        behind, step = (shift + length - 1) // 8, int(random.choice([-1, 1]))
+        length = 2 if random.random() < 0.4 else length  # of which flags are often one
+        places.append((int(random.integers(0, 16 - behind)) + (behind if step < 0 else 0), step, shift, length, int(random.random() < 0.4)))
+    kinds = [
+        (*random.integers([0, -1, -1], [names, 2, 4]).tolist(), column)
+        for column in range(int(random.integers(min(columns, 3), columns + 1)))
+    ]
+    flags = [(int(random.integers(names)), 0, 1, 3), (1, 0, 0, 1), (int(random.integers(names)), 1, 0, 2), (0, 1, 2, 2)]
+    rows = (*places, *kinds, *flags, (0, 1, 2))
+    head = (16, each, int(random.integers(-1, 2)), len(places), len(kinds), len(flags), 3, 0)
+    scales = random.choice([1.0, 0.1, -0.02, 3e8, 1e-7], 2 * (len(places) + len(kinds)))
+    return Plan((*head, *(one for row in rows for one in row)), tuple(scales.tolist()))
+
+
+def assembling(random: Random, size: int) -> list[Any]:
+    """Frames of four radars: with a header that counts, closed by a message, without a header, and one that the caller reads.
+    Bytes: cycle, slot, count."""
+    known = [(0, 0, 3, -1, 0), (0, 1, 3, -1, 0), (0, 3, 2, -1, 0), (-1, 0, 0, -1, 0), (1, 1, 2, 0, 0), (1, 1, 2, 1, 0)]
+    known += [(1, 0, 3, -1, 0), (1, 2, 1, -1, 1), (2, 1, 3, 0, 0), (2, 1, 3, 1, 1), (3, 1, 3, 0, 1)]
+    plans = Plans()
+    first, second, third = (plans.add(plan(random, 4, each, names)) for each, names in ((2, 5), (1, 6), (3, 4)))
+    values, age = plans.add(plan(random, 3, 1, 5)), plans.add(plan(random, 3, 1, 4))
+    rules = [(0, 1, -1, -1, 40, 2, first, values, age, 1, 3, 4, 0, 1, 3), (1, 1, -1, 3, 40, 1, second, values, -1, 99, 2, 3, 2, 0, 0)]
+    rules += [(1, 0, 2, -1, 40, 1, third, -1, -1, 1, 3, 0, -1, 0, 0), (1, 0, 1, -1, 40, 1, -1, -1, -1, 99, 3, 0, -1, 0, 0)]
+    byte, none = [[place, 1, 0, 8, 0] for place in range(3)], [0, 1, 0, 0, 0]
+    motorola = [1, -1, 4, 4, 1]
+    fields = [[byte[0], byte[0], byte[1], [2, -1, 0, 16, 0], byte[2], none], [byte[0], [0, 1, 0, 2, 0], none, byte[0], byte[2], motorola]]
+    fields += [[none] * 6] * 2
+    sizes = random.choice([3, 3, 3, 3, 3, 3, 1, 8], size).astype(np.uint8)
+    data = random.choice([0, 1, 1, 2, 3], 8 * size + 1).astype(np.uint8)
+    received = np.cumsum(random.integers(-1, 9, size)).astype(np.int64) + random.choice([0, 0, 0, 0, 70], size)
+    roles = random.integers(-1, len(known), size)
+    sorts = random.choice([0, 1, 1, 1, 1, 1, 3, 5, 9], size).astype(np.uint8)
+    wrong, begins = random.random(size) < 0.05, np.arange(size, dtype=np.int64) * 8
+    state = [np.zeros((4, 12), np.int64), *np.zeros((2, 4, 4), np.int64), np.zeros((4, 7, 64), np.uint8), np.zeros((4, 5), np.int64)]
+    given = [np.array(known, np.int64), np.array(rules, np.int64), np.array(fields, np.int64)]
+    event = np.array([0, random.choice([-(2**63), 0]), -5, random.choice([50, 900]), size, 60, *[0] * 8])
+    room = [np.zeros((2, 13), np.int64), np.zeros((2, 3)), np.zeros((4, 16)), np.zeros(400, np.uint8)]
+    frames = [received, roles, sorts, wrong, sizes, begins, data]
+    return [*frames, *given, *state, *plans.arrays(), 1e9, event, *room]
+
+
+EVENT, SCANS, COLUMNS, SUMMED = 18, 19, 21, 22  # among the arguments
+
+
+def stepped(arguments: list[Any]) -> bool:
+    """Makes ready to go on as the caller would; whether there is something left."""
+    event = arguments[EVENT]
+    if event[Event.WHY] == Why.IS_DUE:
+        event[Event.SPAN_END] = event[Event.NEWEST] + 120
+    elif event[Event.WHY] == Why.IS_STRAY:
+        event[Event.NEWEST] = arguments[0][event[Event.AT]]
+        event[Event.SPAN_END] = event[Event.NEWEST] + 120
+    return bool(event[Event.AT] < event[Event.UNTIL])
+
+
+@settings(max_examples=40)
+@given(seed=st.integers(0, 1 << 32), size=st.integers(0, 90))
+def test_frames_become_scans_as_in_numpy(seed: int, size: int) -> None:
+    found, expected = (assembling(np.random.default_rng(seed), size) for _ in range(2))
+    while stepped(expected) and stepped(found):
+        compiled.assemble(*found)
+        with np.errstate(all="ignore"):
+            reference.assemble(*expected)
+        scans, detections, bytes_there = expected[EVENT][Event.SCANS : Event.LOST].tolist()
+        ends = {SCANS: np.s_[:scans], SCANS + 1: np.s_[:scans], COLUMNS: np.s_[:, :detections], SUMMED: np.s_[:bytes_there]}
+        for place, (one, other) in enumerate(zip(found, expected, strict=True)):
+            some = ends.get(place, ...)
+            np.testing.assert_array_equal(one if np.isscalar(one) else one[some], other if np.isscalar(other) else other[some])
+
+
+def test_among_the_cycles_that_are_put_together_are_whole_ones_of_all_radars() -> None:
+    """Else the test above says little: and all reasons to end, detections that say something, too many, and checksums."""
+    whole, why, said, too_many, sums = set(), set(), 0, 0, 0
+    for seed in range(25):
+        given = assembling(np.random.default_rng(seed), 200)
+        while stepped(given):
+            with np.errstate(all="ignore"):
+                reference.assemble(*given)
+            why.add(Why(given[EVENT][Event.WHY]))
+            for row in given[SCANS][: given[EVENT][Event.SCANS]]:
+                whole.add(int(row[Found.RADAR]))
+                said += int(row[Found.END] - row[Found.BEGIN])
+                too_many, sums = too_many + int(row[Found.TRUNCATED]), sums + int(row[Found.SUM_BEGIN] >= 0)
+    assert whole == {0, 1, 2, 3}
+    assert why == set(Why)
+    assert min(said, too_many, sums) > 3
+
+
+def identifying(random: Random, size: int) -> list[Any]:
+    """Frames of two buses: of radars with and without a checksum of their own, of motion, and nobody's."""
+    plans = Plans()
+    wheels, yaw = plans.add(plan(random, 2, 1, 5)), plans.add(plan(random, 1, 1, 4))
+    keys = np.sort(
+        random.choice([bus << 33 | extended << 32 | code for bus in (0, 1) for extended in (0, 1) for code in range(5)], 7, replace=False)
+    )
+    none = [0, 1, 0, 0, 0]
+    known = np.array([(0, 1, 2, -1, 0)] * 3 + [(-1, 0, 0, -1, 0)] * 4)
+    checks = np.array(
+        [(-1, 0, *none), (0, 6, 1, 1, 0, 8, 0), (6, 16, 3, -1, 0, 16, 0), (-1, 0, *none), (0, 6, 5, 1, 0, 8, 1), *[(-1, 0, *none)] * 2]
+    )
+    says = np.array([[-1, -1, -1, *none, *none]] * 7)
+    says[3], says[4] = (16, wheels, -1, 15, 1, 4, 4, 0, *none), (16, wheels, yaw, *none, 3, -1, 0, 12, 1)
+    says[5] = (16, -1, yaw, 7, 1, 0, 8, 1, 7, 1, 0, 8, 0)
+    tables = random.integers(0, 4, (22, 256)).astype(np.uint64)
+    tables[random.random(tables.shape) < 0.1] |= np.uint64(1 << 40)
+    sizes = random.choice([16, 16, 16, 5, 64], size).astype(np.uint8)
+    stamps = random.choice([0.0, 1.6e9, np.nan, np.inf, -5e9, -1.25, 4.59e9], size) + random.random(size)
+    flags = random.choice([0, 1, 8, 2, 4, 9], size).astype(np.uint8)
+    data = random.integers(0, 4, 64 * size + 1).astype(np.uint8)
+    batch = [stamps, random.integers(0, 6, size).astype(np.uint32), flags, sizes, np.arange(size, dtype=np.int64) * 64, data]
+    written = [np.zeros(size, np.int64), np.zeros(size, np.int64), np.zeros(size, np.uint8), np.zeros(size, np.bool_)]
+    readers = [random.integers(-1, 2, size), keys, random.permutation(7), known, checks, tables, says, *plans.arrays(), 1e9]
+    return [*batch, *readers, *written, np.zeros((size, 3)), np.zeros((size, 2), np.int64)]
+
+
+@given(seed=st.integers(0, 1 << 32), size=st.integers(0, 80))
+def test_frames_are_identified_as_in_numpy(seed: int, size: int) -> None:
+    found, expected = (identifying(np.random.default_rng(seed), size) for _ in range(2))
+    compiled.identify(*found)
+    with np.errstate(all="ignore"):
+        reference.identify(*expected)
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize(("case", "place"), [("identify", 11), ("identify", 9), ("assemble", 8), ("assemble", 15), ("assemble", 21)])
+def test_plans_and_tables_that_reach_beyond_the_arrays_are_refused(case: str, place: int) -> None:
+    """Half of the checksums' tables, of what is known, of the rules, of the plans, of the room for detections."""
+    arguments = (identifying if case == "identify" else assembling)(np.random.default_rng(0), 9)
+    arguments[place] = arguments[place][: len(arguments[place]) // 2]
+    with pytest.raises(ValueError, match="belong together"):
+        getattr(compiled, case)(*arguments)
