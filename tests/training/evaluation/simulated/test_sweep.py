@@ -44,6 +44,7 @@ def test_only_what_is_varied_differs() -> None:
 def test_a_drive_is_made_once_and_judged_by_patches_and_maps(plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tiny = town(*room(30.0, 14.0), ego=track(2.5, speed=4.0, x=-7.0))
     monkeypatch.setattr(sweep, "make_town", lambda family, seed, seconds: tiny)
+    monkeypatch.setattr(sweep, "PATCHES", 4)
     point, other = Point("silent radars", "2", 0), Point("silent radars", "2", 0, OTHERS)
     first, elsewhere = swept(point, tmp_path, plan), swept(other, tmp_path, plan)
     monkeypatch.setattr(sweep, "simulate", None)  # not again
