@@ -24,6 +24,7 @@ from echogrid_training.labelling import label
 from echogrid_training.learning import fit
 from echogrid_training.own import adapt
 from echogrid_training.own import evaluate as own
+from echogrid_training.own.likeness import likenesses
 from echogrid_training.paper import ablate, reproduce
 from echogrid_training.realism import report
 from echogrid_training.recording import Recording, Track
@@ -111,7 +112,9 @@ def _parser() -> argparse.ArgumentParser:
     towns.add_argument("--towns", type=fit.positive, required=True, metavar="N", help="how many drives")
     towns.add_argument("--seconds", type=_seconds, default=60.0, metavar="T", help="of each drive (default: 60)")
     towns.add_argument("--seed", type=int, default=0, metavar="S")
-    towns.add_argument("--sensors", choices=campaign.SENSORS, default="drawn", help="of every drive (default: drawn)")
+    seen = towns.add_mutually_exclusive_group()
+    seen.add_argument("--sensors", choices=campaign.SENSORS, default="drawn", help="of every drive (default: drawn)")
+    seen.add_argument("--like", type=Path, nargs="+", metavar="DRIVE", help="radars like those of the cars of these drives, by turns")
     towns.add_argument("--workers", type=fit.positive, default=os.cpu_count() or 1, metavar="N", help="processes; the result is the same")
     towns.add_argument("--out", type=Path, required=True, metavar="DIR")
     towns.set_defaults(command=_simulate)
@@ -206,6 +209,7 @@ def _simulate(options: argparse.Namespace) -> None:
         options.osm and str(options.osm),
         options.sensors,
         options.lidar,
+        likenesses(options.like, None, _tracked()) if options.like else (),
     )
     what, said = f"simulating {options.towns} drives", _Said()
     with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:

@@ -18,6 +18,7 @@ from echogrid_training.drives.drive import check_free, write_drive
 from echogrid_training.drives.lidar_writer import write_lidar
 from echogrid_training.drives.simulate import simulate
 from echogrid_training.sensors.episode import Episode, draw_episode, paper_sensors, sparse_sensors
+from echogrid_training.sensors.likeness import Likeness, as_loud, episode_like
 from echogrid_training.worlds.layout import make_town
 from echogrid_training.worlds.osm import town_from_osm
 
@@ -42,6 +43,7 @@ class Campaign:
     osm: str | None = None
     sensors: Kind = "drawn"
     lidar: bool = False  # written beside each drive
+    like: tuple[Likeness, ...] = ()  # cars whose radars they have by turns, in place of `sensors`
 
     def name(self, index: int) -> str:
         """The folder of one town."""
@@ -94,7 +96,12 @@ def make(campaign: Campaign, index: int, out: Path) -> str:
         town = make_town(campaign.family, seed, campaign.seconds)
     else:
         town = town_from_osm(Path(campaign.osm), seed, campaign.seconds)
-    recording, truth = simulate(town, SENSORS[campaign.sensors](seed, campaign.family))
+    if campaign.like:
+        car = campaign.like[index % len(campaign.like)]
+        recording, truth = simulate(town, episode_like(car, seed, campaign.family))
+        recording = as_loud(recording, car.rcs)
+    else:
+        recording, truth = simulate(town, SENSORS[campaign.sensors](seed, campaign.family))
     beside = partial(write_lidar, town) if campaign.lidar else None
     write_drive(recording, folder, seed=seed, truth_map=truth, beside=beside)
     return folder.name
@@ -111,6 +118,10 @@ def _compare(campaign: Campaign, out: Path) -> None:
         raise EchogridError(f"{plan}: cannot be read: {error.strerror}") from error
     except msgspec.DecodeError as error:
         raise EchogridError(f"{plan}: does not note a campaign: {error}") from error
+    if noted.like != campaign.like:
+        raise EchogridError(
+            f"{plan}: the folder holds a campaign with other radars (--like), expected the same drives: give another folder"
+        )
     for key in ("family", "seconds", "seed", "osm", "sensors", "lidar"):
         if getattr(noted, key) != getattr(campaign, key):
             raise EchogridError(

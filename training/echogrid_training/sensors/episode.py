@@ -91,7 +91,7 @@ class Episode:
     seed: int
     body: Body
     radar: RadarType
-    corners: tuple[Corner, Corner, Corner, Corner]
+    corners: tuple[Corner, ...]
     motion: MotionErrors
     density: float
     thinning: float = 0.0  # 0: a low density is all low power; 1: all arbitrary misses
@@ -108,7 +108,7 @@ def paper_like(seed: int = 0) -> Episode:
     radar = RadarType()
     mounts = [RadarMount(name, SE2(x, y, math.radians(yaw)), 2 * radar.half_fov) for name, (x, y, yaw) in zip(NAMES, places, strict=True)]
     corners = tuple(Corner(mount, phase) for mount, phase in zip(mounts, (0.0, 0.27, 0.55, 0.8), strict=True))
-    return Episode(seed, body, radar, corners, MotionErrors(), density=24.0)  # type: ignore[arg-type]
+    return Episode(seed, body, radar, corners, MotionErrors(), density=24.0)
 
 
 def paper_sensors(seed: int, family: str) -> Episode:
@@ -121,18 +121,18 @@ def paper_sensors(seed: int, family: str) -> Episode:
     )
     return replace(
         fixed,
-        corners=corners,  # type: ignore[arg-type]
+        corners=corners,
         motion=drawn.motion,
         density=float(rng.uniform(15.0, 35.0)),
         dropped=drawn.dropped,
     )
 
 
-def sparse_sensors(seed: int, family: str) -> Episode:
+def sparse_sensors(seed: int, family: str, density: float | None = None) -> Episode:
     """A drawn episode whose radars report clusters, as series sensors of the last generation do: few of them, each one for several echoes,
     somewhere within what reflects and not on its face, from radars that are not quite where and how the configuration says.
     """
-    drawn = draw_episode(seed, family)
+    drawn = draw_episode(seed, family, density)
     rng = np.random.default_rng((seed, zlib.crc32(family.encode()), 2))
     radar = replace(
         drawn.radar,
@@ -156,18 +156,18 @@ def sparse_sensors(seed: int, family: str) -> Episode:
     return replace(
         drawn,
         radar=radar,
-        corners=corners,  # type: ignore[arg-type]
-        density=_log(rng, 0.7, 24.0),
+        corners=corners,
+        density=_log(rng, 0.7, 24.0) if density is None else density,
         clutter=_log(rng, 0.01, 0.3),
         ground=float(rng.uniform(0.0, 0.02)),
     )
 
 
-def draw_episode(seed: int, family: str) -> Episode:
-    """The episode of a seed in a family of towns: always the same, and another one in another family."""
+def draw_episode(seed: int, family: str, density: float | None = None) -> Episode:
+    """The episode of a seed in a family of towns: always the same, and another one in another family; with its density drawn, or given."""
     rng = np.random.default_rng((seed, zlib.crc32(family.encode())))
     body = _body(rng)
-    density = _log(rng, 2.0, 64.0)
+    density = _log(rng, 2.0, 64.0) if density is None else density
     radar = _radar(rng, density)
     return Episode(
         seed=seed,
@@ -216,7 +216,7 @@ def _radar(rng: np.random.Generator, density: float) -> RadarType:
     )
 
 
-def _corners(rng: np.random.Generator, body: Body, radar: RadarType) -> tuple[Corner, Corner, Corner, Corner]:
+def _corners(rng: np.random.Generator, body: Body, radar: RadarType) -> tuple[Corner, ...]:
     front = (body.length - body.rear_overhang - rng.uniform(0.1, 0.9), body.width / 2 - rng.uniform(0.05, 0.3), rng.uniform(25.0, 95.0))
     rear = (-body.rear_overhang + rng.uniform(0.05, 0.5), body.width / 2 - rng.uniform(0.05, 0.3), rng.uniform(120.0, 178.0))
     faulty = int(rng.integers(4)) if rng.uniform() < 0.15 else None  # at most one radar that fails for a while
@@ -239,7 +239,7 @@ def _corners(rng: np.random.Generator, body: Body, radar: RadarType) -> tuple[Co
                 lost=(max(start, 0.0), min(max(start + float(rng.uniform(0.1, 1.0)), 0.0), 1.0)) if index == faulty else (0.0, 0.0),
             )
         )
-    return tuple(corners)  # type: ignore[return-value]
+    return tuple(corners)
 
 
 def _motion(rng: np.random.Generator) -> MotionErrors:

@@ -70,12 +70,12 @@ def episode(point: Point) -> Episode:
             replace(corner, mount=RadarMount(corner.mount.name, other.mount.base_from_sensor, corner.mount.fov))
             for corner, other in zip(plain.corners, drawn.corners, strict=True)
         ]
-        return replace(plain, corners=tuple(corners), body=drawn.body)  # type: ignore[arg-type]
+        return replace(plain, corners=tuple(corners), body=drawn.body)
     corners = [
         replace(corner, lost=(0.0, 1.0)) if index < int(point.value) else corner
         for index, corner in enumerate(sorted(plain.corners, key=lambda corner: corner.mount.name[::-1]))
     ]
-    return replace(plain, corners=tuple(corners))  # type: ignore[arg-type]
+    return replace(plain, corners=tuple(corners))
 
 
 def swept(point: Point, folder: Path, plan: Plan) -> Swept:
