@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from echogrid.core.health import Health, SensorHealth
 from echogrid.core.messages import RadarScan, Speed, YawRate
@@ -27,7 +28,7 @@ def test_a_scan_with_some_of_its_detections_is_the_same_in_all_else(mask: list[b
     assert len(some) == sum(mask)
     for name in PLACES:
         assert getattr(some, name).tolist() == [value for value, kept in zip(getattr(whole, name), mask, strict=True) if kept]
-    others = [field.name for field in fields(RadarScan) if field.name not in PLACES]
+    others = [name for name in RadarScan.__struct_fields__ if name not in PLACES]
     assert [getattr(some, name) for name in others] == [getattr(whole, name) for name in others]
 
 
@@ -35,7 +36,7 @@ def test_what_a_sender_does_not_say_is_no_news() -> None:
     """As from one that says: unambiguous, clear, in time, none missed; no jump in time, both wheels alike."""
     bare = RadarScan("front", 5, 7, *np.zeros((4, 2)))
     said = replace(bare, ambiguity=0.0, blockage=0.0, lag=0.0, missed=0)
-    assert [getattr(bare, name) for name in RadarScan.__slots__[7:]] == [getattr(said, name) for name in RadarScan.__slots__[7:]]
+    assert [getattr(bare, name) for name in RadarScan.__struct_fields__[7:]] == [getattr(said, name) for name in RadarScan.__struct_fields__[7:]]
     assert Speed(5, 3.0) == Speed(5, 3.0, True, 0.0)
     assert YawRate(5, 3.0) == YawRate(5, 3.0, True)
 
