@@ -9,6 +9,7 @@ import can
 import numpy as np
 import pytest
 
+from echogrid.can.intake.frames import FrameBatch
 from echogrid.config.loading import load_config
 from echogrid.core.evidence.history import Surroundings
 from echogrid.core.evidence.raster import GridSpec
@@ -105,6 +106,22 @@ def test_without_ego_motion_or_radars_there_is_no_map(tmp_path: Path, drop: str)
     scans = sum(sensor.complete for sensor in pipeline.health.sensors.values())
     assert pipeline.health.scans_without_pose == (scans if drop == "motion" else 0)
     assert (scans > 0) == (drop == "motion")
+
+
+def test_a_map_update_is_made_with_the_last_scan_that_is_due_however_frames_are_grouped(tmp_path: Path) -> None:
+    """A replay takes hundreds of frames at once, a bus those of 3 ms."""
+    messages = world.record(world.straight(6.0), [WALL], 2.0)
+    found = []
+    for size in (1, 17, len(messages)):
+        pipeline, ends = made(tmp_path), list[int]()
+        for begin in range(0, len(messages), size):
+            batch = FrameBatch.of(messages[begin : begin + size])
+            ends += [begin + end for end, update in pipeline.take(batch, np.zeros(len(batch), np.int64)) if update is not None]
+        found.append((ends, pipeline.mapper.map.whole()[2].tobytes()))
+    assert found[0] == found[1] == found[2]
+    last = [messages[end - 1].arbitration_id for end in found[0][0]]
+    assert len(last) > 30
+    assert sum(number >= 0x300 for number in last[4:]) == len(last[4:])  # a radar's
 
 
 def shown(pipeline: Pipeline, messages: Sequence[can.Message]) -> list[tuple[SE2, Surroundings]]:

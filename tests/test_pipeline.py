@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from tests.support.places import DEMO
 
 from echogrid.config.loading import load_config
 from echogrid.pipeline import Pipeline
+from tests.support.places import DEMO
 
 
 @pytest.mark.parametrize("learns", ["driving", "standing", "never"])

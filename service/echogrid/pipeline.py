@@ -51,15 +51,18 @@ class Pipeline:
 
     def add(self, bus: str, message: can.Message) -> MapUpdate | None:
         """One CAN message of a bus; the map's next state where it ends a cycle."""
-        return [update for _, update in self.take(FrameBatch.of([message]), np.array([self.signals.number(bus)]))][-1]
+        updates = [update for _, update in self.take(FrameBatch.of([message]), np.array([self.signals.number(bus)]))]
+        return next((update for update in updates if update is not None), None)
 
     def take(self, batch: FrameBatch, buses: NDArray[np.int64]) -> Iterator[tuple[int, MapUpdate | None]]:
-        """Frames (N,) of buses (N,), by their number in the configuration or UNKNOWN_BUS; cycle by cycle how many of them were taken, and
-        the map's next state where it has changed."""
-        for end, items in self.signals.pieces(batch, buses, self.mapper.span):
-            for item in items:
+        """Frames (N,) of buses (N,), by their number in the configuration or UNKNOWN_BUS; step by step how many of them were taken, and
+        the map's next state where it has changed: behind the frame that ended a cycle, and at the end of each piece."""
+        for end, found in self.signals.pieces(batch, buses, self.mapper.span):
+            for place, item in found:
                 if isinstance(item, RadarScan):
                     self.mapper.on_scan(item)
+                    if (update := self.mapper.update(item.received_ns)) is not None:
+                        yield place + 1, update
                 elif isinstance(item, PoseFix):
                     self.mapper.on_pose(item)
                 else:

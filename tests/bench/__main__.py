@@ -101,7 +101,7 @@ def decoding() -> dict[str, float]:
     batches = iter([FrameBatch.of(cycle) for cycle in cycles])
     buses = np.zeros(len(cycles[0]), np.int64)
     fd_cycle = [(fd.get_message_by_frame_id(message.arbitration_id & 0x30F), bytes(message.data)) for message in cycles[0]]
-    scans = [item for _, items in reader.pieces(next(batches), buses) for item in items]
+    scans = [item for _, found in reader.pieces(next(batches), buses) for _, item in found]
     assert [len(scan.range) for scan in scans if isinstance(scan, RadarScan)] == [64] * 4
     ford_path = find("ford_mrr", Path())
     mrr = RadarReader("mrr", load_radar(ford_path), Dbc(ford, ford_path), 0, SensorHealth())

@@ -36,7 +36,8 @@ def test_what_a_sender_does_not_say_is_no_news() -> None:
     """As from one that says: unambiguous, clear, in time, none missed; no jump in time, both wheels alike."""
     bare = RadarScan("front", 5, 7, *np.zeros((4, 2)))
     said = replace(bare, ambiguity=0.0, blockage=0.0, lag=0.0, missed=0)
-    assert [getattr(bare, name) for name in RadarScan.__struct_fields__[7:]] == [getattr(said, name) for name in RadarScan.__struct_fields__[7:]]
+    names = RadarScan.__struct_fields__[7:]
+    assert [getattr(bare, name) for name in names] == [getattr(said, name) for name in names]
     assert Speed(5, 3.0) == Speed(5, 3.0, True, 0.0)
     assert YawRate(5, 3.0) == YawRate(5, 3.0, True)
 

@@ -26,6 +26,8 @@ from echogrid.core.kernels.scans import NEVER
 from echogrid.core.radar.scan import ALWAYS, Assembly, Frames, Span, Taken
 from echogrid.errors import EchogridError
 
+Found = tuple[int, Item]  # by which frame
+
 
 class SignalReader:
     """Remembers the half-assembled scans and counters of all sensors, and the time of the traffic."""
@@ -91,7 +93,7 @@ class SignalReader:
     def add(self, bus: str, message: can.Message) -> list[Item]:
         """What one message of a bus completes."""
         batch = FrameBatch.of([message])
-        return [item for _, items in self.pieces(batch, np.array([self.number(bus)])) for item in items]
+        return [item for _, found in self.pieces(batch, np.array([self.number(bus)])) for _, item in found]
 
     def heard(self, batches: Iterable[FrameBatch], buses: tuple[Bus, ...]) -> Iterator[tuple[int, list[Item]]]:
         """What a recording says, whenever time goes on: the traffic's time in ns, 0 before there is one, and what came until then."""
@@ -100,10 +102,11 @@ class SignalReader:
             return (ALWAYS[0], ALWAYS[0]) if self.newest_ns is None else (self.newest_ns, self.newest_ns + 1)
 
         for batch in batches:
-            yield from ((self.newest_ns or 0, items) for _, items in self.pieces(batch, buses_of(batch, buses), now))
+            for _, found in self.pieces(batch, buses_of(batch, buses), now):
+                yield self.newest_ns or 0, [item for _, item in found]
 
-    def pieces(self, batch: FrameBatch, buses: Integers, due: Callable[[], Span] = lambda: ALWAYS) -> Iterator[tuple[int, list[Item]]]:
-        """What frames (N,) of buses (N,), by their number in the configuration or UNKNOWN_BUS, complete, in the order of the frames.
+    def pieces(self, batch: FrameBatch, buses: Integers, due: Callable[[], Span] = lambda: ALWAYS) -> Iterator[tuple[int, list[Found]]]:
+        """What frames (N,) of buses (N,), by their number in the configuration or UNKNOWN_BUS, complete, by frame and in their order.
 
         In pieces: each ends behind the frame, which is told, after which the traffic's time is not within `due` any more, that is asked
         at the begin of each. A bad frame changes nothing and is counted; an error frame is not traffic.
@@ -128,7 +131,7 @@ class SignalReader:
         self.health.bad_frames += 1
         return Taken(at + 1, NEVER, True, 1, 0, 0, False, [])
 
-    def _read(self, intake: Intake, begin: int, taken: Taken) -> list[Item]:
+    def _read(self, intake: Intake, begin: int, taken: Taken) -> list[Found]:
         health = self.health
         health.frames += taken.frames
         if taken.frames:
@@ -146,11 +149,11 @@ class SignalReader:
         health.bad_frames += taken.remote + (self._assembly.counted() if taken.lost else 0)
         if taken.cycles:
             found.sort(key=_place)
-        return [item for _, item in found]
+        return found
 
-    def _others(self, intake: Intake, begin: int, end: int) -> list[tuple[int, Item]]:
+    def _others(self, intake: Intake, begin: int, end: int) -> list[Found]:
         """What no radar sent, frame by frame."""
-        found: list[tuple[int, Item]] = []
+        found: list[Found] = []
         places = intake.others[bisect_left(intake.others, begin) : bisect_left(intake.others, end)]
         if not places:
             return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -20,6 +20,7 @@ from echogrid.core.motion.map_frame import MapFrame
 from echogrid.core.motion.odometry import EgoState, Odometry
 from echogrid.core.motion.se2 import SE2
 from echogrid.core.radar.doppler_errors import DopplerErrors
+from echogrid.core.radar.gathering import Gathering
 from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
 from echogrid.core.radar.static_gate import GateNoise, beside_movers
@@ -63,8 +64,8 @@ class MapUpdate:
 class Mapper:
     """Remembers the poses, the scans of the running cycle, which radars are trusted, and the map.
 
-    Time comes with the data: `update(now_ns)` ends the cycle when the receive time of the traffic passes the next multiple of
-    `cycle_ns`. Every complete scan goes into exactly one cycle. Where the way of the car is lost a new map starts, with its own history
+    Time comes with the data: `update(now_ns)` ends the cycle as its `gathering` says, with the last scan that is due or by the receive time
+    of the traffic. Every complete scan goes into exactly one cycle. Where the way of the car is lost a new map starts, with its own history
     and poses; `epoch` counts how often.
     """
 
@@ -86,7 +87,6 @@ class Mapper:
         self.map = occupancy
         self.health = health
         self.noise = noise
-        self.cycle_ns = cycle_ns
         self.max_age_ns = max_age_ns
         self.watch = Watch(mounts, health.sensors, noise)
         self.odometry = Odometry(ErrorFilter(tuple(mounts)) if errors is None else errors)
@@ -95,7 +95,7 @@ class Mapper:
         self.history = History()
         self.pending: list[RadarScan] = []
         self.newest_ns: dict[str, int] = {}  # stamp of each sensor's newest scan
-        self.cycle_end_ns: int | None = None
+        self.gathering = Gathering(cycle_ns, max_age_ns)
         self.epoch = 0  # maps begun before this one
         self._in_view = in_view(mounts, occupancy.spec)
         self._in_view_of: dict[tuple[str, ...], NDArray[np.uint16]] = {}  # of those that came with one cycle
@@ -128,6 +128,7 @@ class Mapper:
         sensor.complete += 1
         self.watch.radars[scan.sensor].hear(scan)
         self.health.detections += len(scan)
+        self.gathering.hear(scan)
         self.pending.append(scan)
 
     def on_pose(self, fix: PoseFix) -> None:
@@ -136,17 +137,18 @@ class Mapper:
             self.frame.add(fix)
 
     def span(self) -> tuple[int, int]:
-        """ns: from when until before when `update` has nothing to do."""
-        end_ns = self.cycle_end_ns
-        return (EVER, EVER) if end_ns is None else (end_ns - self.cycle_ns - BACK_NS, end_ns)
+        """ns: from when until before when `update` has nothing to do, but for a scan."""
+        begin_ns = self.gathering.begin_ns
+        return (EVER, EVER) if begin_ns is None else (begin_ns - BACK_NS, self.gathering.ask_ns)
 
     def update(self, now_ns: int) -> MapUpdate | None:
-        """Ends the cycle if its time is up; the map's next state, or None where there was nothing to add."""
-        if self.cycle_end_ns is not None and now_ns < self.cycle_end_ns:
-            if now_ns >= self.cycle_end_ns - self.cycle_ns - BACK_NS:
-                return None
+        """Ends the cycle if it is whole, or its time is up; the map's next state, or None where there was nothing to add."""
+        gathering = self.gathering
+        if gathering.begin_ns is not None and now_ns < gathering.begin_ns - BACK_NS:
             self._start_new_map("the clock was set back")
-        self.cycle_end_ns = now_ns // self.cycle_ns * self.cycle_ns + self.cycle_ns
+        elif gathering.begin_ns is not None and not gathering.is_whole(now_ns, self._awaited()):
+            return None
+        gathering.begin(now_ns, empty=not self.pending)
         return self.end_cycle()
 
     def end_cycle(self) -> MapUpdate | None:
@@ -189,9 +191,13 @@ class Mapper:
         self.doppler.restart()
         self.pending = []
         self.newest_ns.clear()
-        self.cycle_end_ns = None
+        self.gathering.restart()
         self.watch.restart(why)
         self.epoch += 1
+
+    def _awaited(self) -> Iterator[str]:
+        """Radars whose scans a cycle waits for: those that are trusted."""
+        return (name for name, radar in self.watch.radars.items() if not radar.doubts)
 
     def _place(self, scans: list[RadarScan]) -> list[PlacedScan]:
         """The scans with where the car was when each was measured; those without are counted."""

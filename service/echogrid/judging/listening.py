@@ -74,8 +74,8 @@ class Listener:
             if owner is not None:
                 self.owned[owner[0]] += count
                 self.short[owner[0]] += int(np.count_nonzero(batch.sizes[mine] < owner[1]))
-        for _, items in self.reader.pieces(batch, buses):
-            for item in items:
+        for _, found in self.reader.pieces(batch, buses):
+            for _, item in found:
                 if isinstance(item, RadarScan):
                     self.scans.append(item)
                 elif isinstance(item, PoseFix):

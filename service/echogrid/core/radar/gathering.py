@@ -1,0 +1,69 @@
+"""Which scans go into one map update: those of about a cycle's time, ended when all have come that are to come."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from echogrid.core.messages import RadarScan
+
+SLACK = 10  # a cycle is longer or shorter by at most so little of itself: a tenth
+
+
+class Gathering:
+    """Remembers when the running cycle began and when each radar's scans come.
+
+    It ends with the last scan of those that are due in its time, so that none waits for a frame behind it, and in any case a tenth of a
+    cycle later: a radar may be lost. Times are ns of receipt, by the traffic.
+    """
+
+    def __init__(self, cycle_ns: int, max_age_ns: int) -> None:
+        """A radar that is silent for longer than `max_age_ns` is not waited for."""
+        self.begin_ns: int | None = None
+        self._cycle_ns, self._slack_ns, self._max_age_ns = cycle_ns, cycle_ns // SLACK, max_age_ns
+        self._last: dict[str, tuple[int, int]] = {}  # by radar: the newest scan's time, and its period; 0 is not known
+        self._newest_ns = 0  # of all scans
+        self._earliest_ns = 0  # the cycle does not end before
+        self._asked = False  # whether that has passed, and scans were due
+
+    def restart(self) -> None:
+        """Forgets all times."""
+        self.begin_ns = None
+        self._last.clear()
+
+    def begin(self, now_ns: int, *, empty: bool) -> None:
+        """A cycle ends, the next begins. Where the last scan came too early to end it, and a frame behind it did, the next begins a little
+        earlier, so that scans do not go on to wait. After an `empty` one the next scan need not wait."""
+        up = empty or self.begin_ns is None or now_ns >= self.latest_ns
+        self.begin_ns, self._asked = now_ns if up else min(now_ns, max(self._newest_ns, self._earliest_ns - self._slack_ns // 2)), False
+        self._earliest_ns = now_ns if empty else self.begin_ns + self._cycle_ns - self._slack_ns
+
+    def hear(self, scan: RadarScan) -> None:
+        """A scan of this cycle."""
+        last = self._last.get(scan.sensor)
+        period = 0 if last is None else max(scan.received_ns - last[0], 0) // (1 + scan.missed)
+        self._last[scan.sensor] = scan.received_ns, period
+        self._newest_ns = scan.received_ns
+
+    @property
+    def latest_ns(self) -> int:
+        """The running cycle ends then, whatever is due."""
+        return (self.begin_ns or 0) + self._cycle_ns + self._slack_ns
+
+    @property
+    def ask_ns(self) -> int:
+        """When time alone may end the cycle, if no scan does before."""
+        return self.latest_ns if self._asked else min(self._earliest_ns, self.latest_ns)
+
+    def is_whole(self, now_ns: int, awaited: Iterable[str]) -> bool:
+        """Whether the cycle ends now: time is up, or none of the `awaited` radars is due before that."""
+        latest_ns = self.latest_ns
+        if now_ns >= latest_ns:
+            return True
+        if now_ns < self._earliest_ns:
+            return False
+        self._asked = True
+        for sensor in awaited:
+            heard_ns, period = self._last.get(sensor, (0, 0))
+            if heard_ns > 0 and now_ns - heard_ns <= self._max_age_ns and (not period or heard_ns + period <= latest_ns):
+                return False
+        return True
