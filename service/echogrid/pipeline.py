@@ -60,6 +60,8 @@ class Pipeline:
         for end, found in self.signals.pieces(batch, buses, self.mapper.span):
             for place, item in found:
                 if isinstance(item, RadarScan):
+                    if (update := self.mapper.update(item.received_ns)) is not None:  # time was up without it
+                        yield place + 1, update
                     self.mapper.on_scan(item)
                     if (update := self.mapper.update(item.received_ns)) is not None:
                         yield place + 1, update

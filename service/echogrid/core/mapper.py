@@ -148,7 +148,7 @@ class Mapper:
             self._start_new_map("the clock was set back")
         elif gathering.begin_ns is not None and not gathering.is_whole(now_ns, self._awaited()):
             return None
-        gathering.begin(now_ns, empty=not self.pending)
+        gathering.end(now_ns, empty=not self.pending)
         return self.end_cycle()
 
     def end_cycle(self) -> MapUpdate | None:

@@ -13,7 +13,8 @@ class Gathering:
     """Remembers when the running cycle began and when each radar's scans come.
 
     It ends with the last scan of those that are due in its time, so that none waits for a frame behind it, and in any case a tenth of a
-    cycle later: a radar may be lost. Times are ns of receipt, by the traffic.
+    cycle later: a radar may be lost. Times are ns of receipt, by the traffic. All of them follow from the scans alone, not from which frame
+    it was behind which the time was seen to be up: a recording has frames that a bus's filter keeps from the service.
     """
 
     def __init__(self, cycle_ns: int, max_age_ns: int) -> None:
@@ -30,19 +31,31 @@ class Gathering:
         self.begin_ns = None
         self._last.clear()
 
-    def begin(self, now_ns: int, *, empty: bool) -> None:
-        """A cycle ends, the next begins. Where the last scan came too early to end it, and a frame behind it did, the next begins a little
-        earlier, so that scans do not go on to wait. After an `empty` one the next scan need not wait."""
-        up = empty or self.begin_ns is None or now_ns >= self.latest_ns
-        self.begin_ns, self._asked = now_ns if up else min(now_ns, max(self._newest_ns, self._earliest_ns - self._slack_ns // 2)), False
-        self._earliest_ns = now_ns if empty else self.begin_ns + self._cycle_ns - self._slack_ns
-
     def hear(self, scan: RadarScan) -> None:
-        """A scan of this cycle."""
-        last = self._last.get(scan.sensor)
-        period = 0 if last is None else max(scan.received_ns - last[0], 0) // (1 + scan.missed)
-        self._last[scan.sensor] = scan.received_ns, period
-        self._newest_ns = scan.received_ns
+        """A scan of this cycle, which begins with the first of all."""
+        at_ns, last = scan.received_ns, self._last.get(scan.sensor)
+        if not self._last:
+            self._begin(at_ns, empty=False)
+        self._last[scan.sensor] = at_ns, 0 if last is None else max(at_ns - last[0], 0) // (1 + scan.missed)
+        self._newest_ns = at_ns
+
+    def end(self, now_ns: int, *, empty: bool) -> None:
+        """The next cycle begins: where time was up, then. After an `empty` one the next scan need not wait.
+
+        Where the last scan came a little too early to end it, and a frame behind it did, the next begins a little earlier as well, so that
+        scans do not go on to wait.
+        """
+        if self.begin_ns is None:
+            return self._begin(now_ns, empty=True)
+        if now_ns < self.latest_ns:
+            return self._begin(max(self._newest_ns, self._earliest_ns - self._slack_ns // 2), empty=empty)
+        longest_ns = self._cycle_ns + self._slack_ns
+        rounds = (now_ns - self.begin_ns) // longest_ns
+        return self._begin(self.begin_ns + rounds * longest_ns, empty=empty or rounds > 1)
+
+    def _begin(self, at_ns: int, *, empty: bool) -> None:
+        self.begin_ns, self._asked = at_ns, False
+        self._earliest_ns = at_ns if empty else at_ns + self._cycle_ns - self._slack_ns
 
     @property
     def latest_ns(self) -> int:
@@ -52,18 +65,19 @@ class Gathering:
     @property
     def ask_ns(self) -> int:
         """When time alone may end the cycle, if no scan does before."""
-        return self.latest_ns if self._asked else min(self._earliest_ns, self.latest_ns)
+        return self.latest_ns if self._asked else self._earliest_ns
 
     def is_whole(self, now_ns: int, awaited: Iterable[str]) -> bool:
         """Whether the cycle ends now: time is up, or none of the `awaited` radars is due before that."""
         latest_ns = self.latest_ns
         if now_ns >= latest_ns:
             return True
-        if now_ns < self._earliest_ns:
+        if now_ns < self._earliest_ns or self._newest_ns < (self.begin_ns or 0):
             return False
         self._asked = True
         for sensor in awaited:
-            heard_ns, period = self._last.get(sensor, (0, 0))
-            if heard_ns > 0 and now_ns - heard_ns <= self._max_age_ns and (not period or heard_ns + period <= latest_ns):
-                return False
+            if sensor in self._last:
+                heard_ns, period = self._last[sensor]
+                if latest_ns - heard_ns <= self._max_age_ns and (not period or heard_ns + period <= latest_ns):
+                    return False
         return True
