@@ -57,20 +57,20 @@ class Cadence:
         self._lately.append(step)
         self._for += step
         periods = round(elapsed / self._period)
-        rounds, off = divmod(periods - counted + 1, self.size)
-        assumed = rounds * self.size if off <= 2 else 0  # the counter went round while frames were lost, or back: two in the wrong order
-        skipped = periods - counted - assumed
-        assumed += skipped if 0 < skipped <= UNCOUNTED else 0
-        counted += assumed
-        if assumed > 0:
-            self._left_out, self._left_out_ns = self._left_out + assumed, received_ns
-        if (received_ns - self._left_out_ns) * NS > WAITED:
+        if periods != counted:
+            rounds, off = divmod(periods - counted + 1, self.size)
+            assumed = rounds * self.size if off <= 2 else 0  # the counter went round while frames were lost, or back: two in the wrong order
+            skipped = periods - counted - assumed
+            assumed += skipped if 0 < skipped <= UNCOUNTED else 0
+            counted += assumed
+            if assumed > 0:
+                self._left_out, self._left_out_ns = self._left_out + assumed, received_ns
+        if self._left_out and (received_ns - self._left_out_ns) * NS > WAITED:
             self._left_out = 0
         if counted <= 0:
             self.missing = 0
         lag = self.lag + elapsed - counted * self._period
-        early = min(round(-lag / self._period), self._left_out)
-        if early > 0:  # no frame comes before it is sent
+        if self._left_out and (early := min(round(-lag / self._period), self._left_out)) > 0:  # no frame comes before it is sent
             self._left_out -= early
             lag += early * self._period
         if abs(lag) < JUMP:
@@ -79,7 +79,8 @@ class Cadence:
                 self._steps = min(self._steps + 1.0, STEPS)
                 self._period += (elapsed / counted - self._period) / self._steps
         self.lag = lag if abs(lag) < LONGEST else 0.0
-        self._correct_period()
+        if len(self._lately) >= FEWEST and self._for >= LATELY:
+            self._correct_period()
 
     @property
     def missed(self) -> int:
@@ -91,8 +92,6 @@ class Cadence:
 
         Where most steps are irregular, those that are like the period would draw it to where they are most: then it follows the mean.
         """
-        if len(self._lately) < FEWEST or self._for < LATELY:
-            return
         mean, middle = self._for / len(self._lately), median(self._lately)
         regular = sum(abs(step - middle) < REGULAR * middle for step in self._lately) / len(self._lately)
         self._steady = regular > STEADY
