@@ -6,6 +6,7 @@ on purpose, and a fit that minds probabilities alone would give that up.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,10 +70,16 @@ def fitted(part: Patch, start: Calibration) -> Calibration:
     return Calibration(round(learned, 4), round(offset, 4))
 
 
+def crossed(parts: Sequence[Patch], start: Calibration) -> Floats:
+    """(S, 8), `counts` of the stretches in their order, each by the numbers that are fitted to the other folds."""
+    by_fold = {fold: fitted(Patch.joined([one for one in parts if one.fold != fold]), start) for fold in {one.fold for one in parts}}
+    return np.stack([counts(one, by_fold[one.fold]) for one in parts])
+
+
 def thinned(part: Patch) -> Patch:
     """At most MOST cells and detections."""
     cells, found = (np.linspace(0, size - 1, min(size, MOST)).astype(np.intp) for size in (len(part.chance), part.around.shape[1]))
-    return Patch(part.held_out, part.layers[:, cells], part.chance[cells], part.label[cells], part.around[:, found])
+    return Patch(part.fold, part.layers[:, cells], part.chance[cells], part.label[cells], part.around[:, found])
 
 
 def score(part: Patch, calibration: Calibration) -> Scores:

@@ -1,4 +1,4 @@
-"""A half map and its labels by hindsight, a stretch of way at a time: what is learned from is kept apart from what is scored."""
+"""A half map and its labels by hindsight, a stretch of way at a time: none is scored by what was fitted to it or to what lies beside it."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from echogrid_training.evaluation.recorded.scores import Rectangle
 from echogrid_training.own.half import Half
 from echogrid_training.own.hindsight import Judged, judge
 
-HELD_OUT = 3  # one stretch in so many is scored and never learned from
-GUARD = 5.0  # m: what lies so near to the way of a stretch of the other kind is neither learned from nor scored
+FOLDS = 3  # each stretch in turn belongs to one of so many; those of one are scored by what is fitted to the others
+GUARD = 5.0  # m: what lies so near to the way of a stretch of another fold is neither fitted to nor scored
 NEAR = 60.0  # m around a stretch within which looks may touch its cells
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Patch:
-    """What is asked about one stretch: cells that no other stretch is nearer to, and none of the other kind within GUARD."""
+    """What is asked about one stretch: cells that no other stretch is nearer to, and none of another fold within GUARD."""
 
-    held_out: bool
+    fold: int
     layers: Layers  # (L, K) of the cells of which hindsight says something
     chance: NDArray[np.float32]  # (K,) that each is occupied
     label: NDArray[np.int8]  # (K,) 1 occupied, -1 free, 0 not judged
@@ -32,16 +32,10 @@ class Patch:
 
     @staticmethod
     def joined(parts: Sequence[Patch]) -> Patch:
-        """Of one kind, at least one."""
+        """At least one; `fold` is the first one's."""
         layers, around = (np.concatenate([getattr(one, name) for one in parts], axis=1) for name in ("layers", "around"))
         chance, label = (np.concatenate([getattr(one, name) for one in parts]) for name in ("chance", "label"))
-        return Patch(parts[0].held_out, layers, chance, label, around)
-
-
-def held_out(stretch: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """(N,) whether each stretch is for scores alone."""
-    scored: NDArray[np.bool_] = stretch % HELD_OUT == HELD_OUT - 1
-    return scored
+        return Patch(parts[0].fold, layers, chance, label, around)
 
 
 def patches(half: Half) -> Iterator[Patch]:
@@ -49,15 +43,14 @@ def patches(half: Half) -> Iterator[Patch]:
     number = np.asarray(half.stretches)
     for stretch in np.unique(number).tolist():
         judged, where = labels(half, [ego for ego, one in zip(half.driven, number, strict=True) if one == stretch])
-        scored = bool(held_out(np.asarray(stretch)))
-        keep_kind(judged, where, half, scored=scored, stretch=stretch)
+        keep_own(judged, where, half, stretch)
         layers = half.map.window_of_layers(where.row, where.column, where.height, where.width)
         found = np.concatenate([np.empty((0, 2)), *(look.found.points for look in half.looks if look.stretch == stretch)])
         column, row = (np.floor(found / where.cell).astype(np.int64) - (where.column, where.row)).T
         inside = (row > 0) & (row < where.height - 1) & (column > 0) & (column < where.width - 1)
         rows, columns = row[inside, None] + (0, 1, -1, 0, 0), column[inside, None] + (0, 0, 0, 1, -1)
         known = np.isfinite(judged.chance)
-        yield Patch(scored, layers[:, known], judged.chance[known], judged.label[known], layers[:, rows, columns])
+        yield Patch(stretch % FOLDS, layers[:, known], judged.chance[known], judged.label[known], layers[:, rows, columns])
 
 
 def labels(half: Half, around: Sequence[EgoState]) -> tuple[Judged, Rectangle]:
@@ -74,21 +67,19 @@ def labels(half: Half, around: Sequence[EgoState]) -> tuple[Judged, Rectangle]:
     return judge([look.found for look in half.looks if near(look.ego)], driven, where), where
 
 
-def keep_kind(judged: Judged, where: Rectangle, half: Half, *, scored: bool, stretch: int | None = None) -> None:
-    """Takes back, in place, what was said of cells of the other kind, and near it; with `stretch` of all other stretches too."""
+def keep_own(judged: Judged, where: Rectangle, half: Half, stretch: int) -> None:
+    """Takes back, in place, what was said of cells of all other stretches, and near those of other folds."""
     rows, columns = np.nonzero(np.isfinite(judged.chance))
     centres = (np.stack((columns + where.column, rows + where.row), axis=-1) + 0.5) * where.cell
     if not len(centres):
         return
     line, number = np.array([(ego.odom_from_base.x, ego.odom_from_base.y) for ego in half.driven]), np.asarray(half.stretches)
     _, nearest = cKDTree(line).query(centres)
-    mine = held_out(number[nearest]) == scored
-    others = line[held_out(number) != scored]
+    mine = number[nearest] == stretch
+    others = line[number % FOLDS != stretch % FOLDS]
     if len(others):
         away, _ = cKDTree(others).query(centres)
         mine &= away > GUARD
-    if stretch is not None:
-        mine &= number[nearest] == stretch
     judged.label[rows[~mine], columns[~mine]] = 0
     judged.chance[rows[~mine], columns[~mine]] = np.nan
 
