@@ -1,0 +1,52 @@
+"""What the mapper takes and what it counts: a scan is as old as is allowed, and none is forgotten without being counted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from echogrid.core.evidence.raster import GridSpec
+from echogrid.core.health import Health, SensorHealth
+from echogrid.core.map.occupancy import OccupancyMap
+from echogrid.core.mapper import Mapper
+from echogrid.core.messages import RadarScan, Speed, YawRate
+from echogrid.core.motion.se2 import SE2
+from echogrid.core.radar.mount import Mount
+from echogrid.core.radar.static_gate import GateNoise
+
+MS = 1_000_000
+SPEC = GridSpec(32, 0.25)
+OLDEST = 200 * MS
+
+
+@pytest.fixture
+def mapper() -> Mapper:
+    mounts = {name: Mount(SE2(x, 0.0, 0.0), 1.0, 25.0) for name, x in (("front", 3.7), ("rear", -0.8))}
+    health = Health(sensors={name: SensorHealth() for name in mounts})
+    return Mapper(mounts, lambda _: np.zeros((32, 32), np.float32), OccupancyMap(SPEC, 3.5), health, GateNoise(), 50 * MS, OLDEST)
+
+
+def scan(sensor: str, stamp_ns: int, age_ns: int) -> RadarScan:
+    return RadarScan(sensor, stamp_ns, stamp_ns + age_ns, *np.zeros((4, 0)))
+
+
+def test_a_scan_is_late_from_the_first_nanosecond_beyond_what_is_allowed(mapper: Mapper) -> None:
+    mapper.on_scan(scan("front", 1000 * MS, OLDEST))
+    mapper.on_scan(scan("rear", 1000 * MS, OLDEST + 1))
+    assert [(health.complete, health.late) for health in mapper.health.sensors.values()] == [(1, 0), (0, 1)]
+    assert mapper._live(1000 * MS + OLDEST) == ["front"]
+    assert mapper._live(1000 * MS + OLDEST + 1) == []
+
+
+def test_scans_of_a_disputed_motion_are_counted_with_those_without_a_pose(mapper: Mapper, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One before the first ego motion, then two while the wheels are not believed."""
+    mapper.on_scan(scan("front", 5 * MS, 0))
+    assert mapper.end_cycle() is None
+    for n in range(1, 12):
+        mapper.on_motion(Speed(n * 10 * MS, 5.0))
+        mapper.on_motion(YawRate(n * 10 * MS, 0.0))
+    monkeypatch.setattr(mapper.watch, "judge", lambda placed: setattr(mapper.watch.motion, "disputed", "by two radars"))
+    for sensor in mapper.mounts:
+        mapper.on_scan(scan(sensor, 100 * MS, 0))
+    assert mapper.end_cycle() is None
+    assert mapper.health.scans_without_pose == 3
