@@ -1,5 +1,5 @@
 #!/bin/sh
-# canmatrix takes the float signals of a SYM file for integers, and the frames of that which cantools writes for empty.
+# canmatrix writes a float signal into SYM as an integer, and reads of the SYM that cantools writes frames without a byte or a signal.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
@@ -25,13 +25,13 @@ data = struct.pack("<f4x", 3.5)
 seen = {}
 for name in ("a.dbc", "a.sym"):
     seen[name] = float(canmatrix.formats.loadp_flat(name).frames[0].decode(data)["range"].phys_value)
-frame = canmatrix.formats.loadp_flat("b.sym").frames[0]
-signal, length = frame.signals[0], frame.size
-theirs = cantools.database.load_file("b.sym").get_message_by_name("M")
+(frame,) = canmatrix.formats.loadp_flat("b.sym").frames
+other = cantools.database.load_file("b.sym").get_message_by_name("M")
+print(f"canmatrix {version('canmatrix')}: a float32 of 3.5 m, by the DBC file and by the SYM file written of it: {seen}")
 print(
-    f"canmatrix {version('canmatrix')}: a float32 of 3.5 m, by DBC and by the SYM that it writes: {seen}; of cantools {cantools.__version__}'s SYM: "
-    f"float {signal.is_float}, {length} bytes, where cantools reads float {theirs.signals[0].is_float}, {theirs.length} bytes"
+    f"of cantools {cantools.__version__}'s SYM file canmatrix reads a frame of {frame.size} bytes with {len(frame.signals)} signals, "
+    f"cantools one of {other.length} with {len(other.signals)}"
 )
 assert seen == {"a.dbc": 3.5, "a.sym": float(struct.unpack("<i", struct.pack("<f", 3.5))[0])}
-assert (signal.is_float, length) == (False, 0) and (theirs.signals[0].is_float, theirs.length) == (True, 8)
+assert (frame.size, len(frame.signals)) == (0, 0) and (other.length, len(other.signals)) == (8, 1)
 PYTHON
