@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.support import recorded
 
+from echogrid.errors import EchogridError
 from echogrid.logs.log import Log
 
 pytestmark = pytest.mark.hypothesis
@@ -128,6 +129,16 @@ def test_trc(folder: Path, messages: list[can.Message], version: str) -> None:
     if version == "2.1":  # python-can puts the length's code into dlc, and takes it for the length of a remote frame
         theirs = list(can.TRCReader(folder / "a.trc"))
         same(read_back, theirs, ("dlc",), within=2e-6)
+
+
+def test_trc_with_a_frame_older_than_the_first(folder: Path) -> None:
+    """python-can writes an offset below zero for it: frames of two buses do not come in the order of their times."""
+    messages = [can.Message(timestamp=START + late, channel=0, arbitration_id=1, data=b"1") for late in (0.5, 0.496, 0.51)]
+    read_back = list(Log(recorded.by_python_can(folder / "p.trc", messages)))
+    same(read_back, messages, ("channel",), within=2e-6)
+    (folder / "undated.trc").write_text("1) -4.0 Rx 0100 1 01\n2) 0.0 Rx 0100 1 02\n")
+    with pytest.raises(EchogridError, match="line 1: '1\\) -4.0 Rx"):
+        list(Log(folder / "undated.trc"))
 
 
 @given(frames(), st.integers(40, 2000), st.booleans(), st.sampled_from([1, 2]))

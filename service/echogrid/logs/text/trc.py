@@ -23,7 +23,7 @@ EXTENDED, STANDARD = 0x1FFFFFFF, 0x7FF
 MOST_BYTES, MOST_CLASSIC = 64, 8
 COLUMNS = {"1.0": "NOILD", "1.1": "NOdILD", "1.2": "NOBdILD", "1.3": "NOBdIRLD", "2.0": "NOTIdlD", "2.1": "NOTBIdRLD"}
 NO_FRAMES = {"ST": "states of the controller", "EC": "error counters", "EV": "events", "WARNG": "states of the controller"}
-_OFFSET = re.compile(r"\d{1,13}(?:[.,]\d{1,6})?")
+_OFFSET = re.compile(r"-?\d{1,13}(?:[.,]\d{1,6})?")  # below zero where another bus's frame is older than the first
 _SAID = re.compile(r";\s*\$?(FILEVERSION|STARTTIME|COLUMNS|Start time)\s*[=:](.*)", re.IGNORECASE)
 
 
@@ -109,7 +109,7 @@ def _frame(text: str, head: _Head) -> Frame | None:
         head.account.others[NO_FRAMES[kind or way]] += 1
         return None
     stamp = head.start + float(offset) / 1000
-    if stamp >= END_OF_TIME:
+    if not 0 <= stamp < END_OF_TIME:
         raise ValueError("no time")
     if (kind or way) in ("ER", "ERROR"):
         return _error(stamp, words, head)
