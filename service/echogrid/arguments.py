@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import difflib
 import math
+import os
 import re
 import sys
 from collections.abc import Mapping, Sequence
@@ -155,3 +156,8 @@ def add_view(view: argparse.ArgumentParser) -> None:
     view.add_argument("--token", type=Path, metavar="FILE", help="holds what viewers have to show; needed where other machines can come")
     view.add_argument("--certificate", type=Path, nargs=2, metavar=("CERT", "KEY"), help="PEM files: the page over HTTPS")
     view.add_argument("--plaintext", action="store_true", help="other machines may come without HTTPS: on a network of your own")
+
+
+def unread() -> None:
+    """Whoever read stdout has left, as in `| head`, which is no error: what was still to come goes nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -28,8 +28,12 @@ def main() -> None:
     journal.configure(given.log_level)
     try:
         given.command(given)
+        sys.stdout.flush()
     except EchogridError as error:
         _give_up(str(error), error.exit_code)
+    except BrokenPipeError:
+        arguments.unread()
+        sys.exit(141)
     except OSError as error:  # a full disk, a folder that may not be written
         _give_up(f"{error.filename or 'the operating system says'}: {error.strerror or error}")
     except KeyboardInterrupt:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
+import os
 import re
 import signal
 import subprocess
@@ -119,3 +120,13 @@ def test_ctrl_c_is_130_and_no_traceback(drive: Path, tmp_path: Path) -> None:
         program.send_signal(signal.SIGINT)
         _, logged = program.communicate(timeout=PATIENCE)
     assert (program.returncode, logged) == (130, "")
+
+
+def test_a_reader_that_leaves_is_141_and_no_word(drive: Path) -> None:
+    """As of `| head`."""
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w") as stdout:
+        command = [sys.executable, "-m", "echogrid", "check", "-c", "echogrid.toml"]
+        done = subprocess.run(command, stdout=stdout, stderr=subprocess.PIPE, text=True, cwd=drive, timeout=PATIENCE, check=False)
+    assert (done.returncode, done.stderr) == (141, "")

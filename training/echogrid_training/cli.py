@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import Progress, track
 
 from echogrid.arguments import Parser as Guessing
-from echogrid.arguments import complete
+from echogrid.arguments import complete, unread
 from echogrid.errors import EchogridError
 from echogrid_training import importing
 from echogrid_training.drives import campaign, demo, inspect_drive
@@ -68,16 +68,20 @@ class Parser(Guessing):
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Returns the exit status: 0, or 1 after a sentence on stderr, or 130 after Ctrl-C."""
+    """Returns the exit status: 0, or 1 after a sentence on stderr, 130 after Ctrl-C, or 141 where nobody reads any more."""
     parser = _parser()
     if "_ARGCOMPLETE" in os.environ:
         complete(parser)
     options = parser.parse_args(arguments)
     try:
         options.command(options)
+        sys.stdout.flush()
     except EchogridError as error:
         print(error, file=sys.stderr)
         return 1
+    except BrokenPipeError:
+        unread()
+        return 141
     except OSError as error:
         print(f"{error.filename}: {error.strerror}", file=sys.stderr)
         return 1
