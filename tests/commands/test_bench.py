@@ -6,14 +6,17 @@ import json
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.support import world
 from tests.support.places import ROOT
 
 from echogrid.commands.measuring.loops import NAMES, Sample, seen, turned
 from echogrid.commands.measuring.stages import FRAMES, MAPPER, Stopwatch, stages
 from echogrid.core.kernels import dispatch, reference
+from echogrid.errors import EchogridError
 from echogrid.logs.drive import find_drive
 
 DEMO = ROOT / "service" / "echogrid" / "demo_drive"
@@ -55,6 +58,13 @@ def test_a_drive_is_mapped_as_ever_and_every_stage_has_its_share() -> None:
     assert found.rate_hz == pytest.approx(20, rel=0.1)
     assert found.inference_ms is None
     assert 0 < found.cycle_ms * found.updates / 1e3 < time.thread_time() - begun
+
+
+@pytest.mark.parametrize("seconds", [0.0, 1.0])
+def test_a_drive_without_updates_to_measure_has_no_figures(tmp_path: Path, seconds: float) -> None:
+    drive = world.write_drive(tmp_path / "short", world.record(world.straight(6.0), [world.standing([(9.0, 3.0)])], seconds))
+    with pytest.raises(EchogridError, match=r"can.log: \d+ map updates came of it, expected more than 20, which are not measured"):
+        stages(find_drive(drive, None), "analytic", 2.0)
 
 
 def test_what_the_loops_are_given_is_noted_and_they_are_put_back() -> None:

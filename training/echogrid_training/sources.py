@@ -19,9 +19,10 @@ def load_npz(path: Path, keys: Sequence[str]) -> dict[str, NDArray[Any]]:
     """Those arrays of an .npz file, every one of them there. Raises EchogridError."""
     try:
         with path.open("rb") as file:  # numpy leaves a file open that it opened itself and could not read
+            if not zipfile.is_zipfile(file):  # of another file numpy says how to run what is in it
+                raise ValueError("it begins or ends otherwise")
+            file.seek(0)
             archive = np.load(file, allow_pickle=False)
-            if not isinstance(archive, np.lib.npyio.NpzFile):
-                raise ValueError("it holds a single array")
             missing = [key for key in keys if key not in archive]
             if missing:
                 raise EchogridError(f"{path}: has no array '{missing[0]}', found {some(archive.files)}")

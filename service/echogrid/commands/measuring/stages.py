@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 from echogrid.config.loading import load_config
+from echogrid.errors import EchogridError
 from echogrid.logs.drive import Drive
 from echogrid.logs.log import Log
 from echogrid.model.network import OnnxSensorModel
@@ -131,7 +132,9 @@ def stages(
             on_progress(min((last - first) / seconds, 1.0) if first else 0.0)
         if first and last - first > seconds:
             break
-    counted = max(updates - WARM, 1)
+    counted = updates - WARM
+    if counted <= 0:
+        raise EchogridError(f"{drive.log}: {updates} map updates came of it, expected more than {WARM}, which are not measured")
     runs = watch.calls.get(INFERENCE, 0)
     return Stages(
         model=pipeline.model.why,
