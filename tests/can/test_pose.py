@@ -75,7 +75,7 @@ def test_latitude_longitude_and_a_heading_of_its_own(tmp_path: Path) -> None:
         ('[pose]\nbus = "can0"\n', "", "pose.profile: is missing, expected the path of a profile that ends in .toml"),
         (POSE.replace("can0", "can1"), "", "pose.bus: no [[bus]] is named 'can1', found can0; did you mean 'can0'?"),
         (POSE + "origin = [60.17, 24.94]\n", "", "pose.origin is given, but"),
-        (ON_EARTH.replace("60.17", "91"), "", "pose.origin[0]: Expected `float` <= 90.0"),
+        (ON_EARTH.replace("60.17", "91"), "", "pose.origin[0]: 91 found, expected a number <= 90.0"),
         (ON_EARTH.split("origin")[0], "", "pose.origin is missing:"),
         (POSE + "orign = [60.17, 24.94]\n", "", "pose: unknown key 'orign'; did you mean 'origin'?"),
         (POSE + 'senders = ["ins"]\n', "", "pose.senders: found beside bus, expected beside key: CAN has no certificates"),

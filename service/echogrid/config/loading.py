@@ -58,6 +58,10 @@ def _problems(config: Config) -> Iterator[str]:
         if bus.interface not in VALID_INTERFACES:
             guess = _near(bus.interface, VALID_INTERFACES)
             yield f"bus[{index}].interface: '{bus.interface}' found, expected one that python-can knows, such as socketcan{guess}"
+        for other in config.bus[:index]:
+            if bus.logged_as == other.logged_as or (bus.interface, bus.channel) == (other.interface, other.channel):
+                own = "expected channels of their own, in recordings too (log_channel)"
+                yield f"bus[{index}]: '{bus.name}' and '{other.name}' are both channel '{other.logged_as}', {own}"
     fastest = 1e3 / config.map.cycle_ms
     if config.publish.rate_hz > fastest * (1 + 1e-9) and config.publish.rate_hz != Publish().rate_hz:  # the default asks for no more
         rate, cycle = config.publish.rate_hz, config.map.cycle_ms

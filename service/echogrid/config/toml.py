@@ -10,12 +10,15 @@ from pathlib import Path
 from typing import TypeVar
 
 import msgspec
+import msgspec.inspect
 
 from echogrid.errors import EchogridError
 from echogrid.files import read
 
 T = TypeVar("T")
 MOST_BYTES = 1 << 20
+KINDS = {"float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "array": "an array", "object": "a table"}
+WORD = "^[A-Za-z0-9_-]+$"  # of names that become parts of keys
 
 
 class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -35,7 +38,7 @@ def load(path: Path, kind: type[T]) -> T:
     try:
         return msgspec.convert(document, kind)
     except msgspec.ValidationError as error:
-        raise EchogridError(f"{path}: {_sentence(str(error), kind)}") from error
+        raise EchogridError(f"{path}: {_sentence(str(error), kind, document)}") from error
 
 
 def _finite(text: str) -> float:
@@ -46,10 +49,22 @@ def _finite(text: str) -> float:
     return number
 
 
-def _sentence(message: str, kind: type) -> str:
-    """msgspec's "what - at `$.key`" turned round to "key: what", with the nearest known key where one was mistyped."""
+def _sentence(message: str, kind: type, document: object) -> str:
+    """msgspec's "what - at `$.key`" turned round to "key: what", with what was found, and the nearest known key where one was mistyped."""
     what, _, where = message.partition(" - at ")
     key = where.strip("`").removeprefix("$").removeprefix(".")
+    parts = re.findall(r"\w+", key)
+    if re.match(r"Invalid (enum )?value", what):
+        known = " or ".join(repr(choice) for choice in _choices(msgspec.inspect.type_info(kind), parts))
+        what = f"{_at(document, parts)!r:.60} found, expected {known}"
+    elif what.startswith("Expected "):
+        expected = (
+            what.removeprefix("Expected ")
+            .partition(", got ")[0]
+            .replace(f"`str` matching regex '{WORD}'", "letters, digits, _ and - alone")
+        )
+        expected = re.sub(r"`(\w+)( \| null)?`", lambda kind: KINDS.get(kind[1], kind[1]), expected)
+        what = f"{_at(document, parts)!r:.60} found, expected {expected}"
     unknown = re.fullmatch(r"Object contains unknown field `(.*)`", what)
     if unknown:
         name = unknown[1]
@@ -59,6 +74,26 @@ def _sentence(message: str, kind: type) -> str:
     if missing:
         what = f"the key '{missing[1]}' is missing"
     return f"{key}: {what}" if key else what
+
+
+def _at(document: object, parts: list[str]) -> object:
+    """What stands under a key."""
+    for part in parts:
+        document = document[int(part)] if isinstance(document, list) else document.get(part) if isinstance(document, dict) else document
+    return document
+
+
+def _choices(info: msgspec.inspect.Type, parts: list[str]) -> tuple[object, ...]:
+    """The values that a key may have, where they can be counted."""
+    if isinstance(info, msgspec.inspect.UnionType):
+        return next((found for one in info.types if (found := _choices(one, parts))), ())
+    if not parts:
+        return info.values if isinstance(info, msgspec.inspect.LiteralType) else ()
+    if isinstance(info, msgspec.inspect.StructType):
+        if parts[0] == info.tag_field:
+            return (info.tag,)
+        return next((_choices(field.type, parts[1:]) for field in info.fields if field.encode_name == parts[0]), ())
+    return _choices(info.item_type, parts[1:]) if isinstance(info, msgspec.inspect.VarTupleType | msgspec.inspect.ListType) else ()
 
 
 def _all_keys(kind: object, seen: frozenset[object] = frozenset()) -> set[str]:
