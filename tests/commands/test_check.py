@@ -148,7 +148,7 @@ def test_buses_that_a_format_does_not_say_cannot_be_told_apart(
         assert checked(tmp_path, f"a{name[1:]}", data, capsys)[1] == ""
         said = checked(tmp_path, f"a{name[1:]}", data, capsys, TWO_BUSES)[1]
         assert "[no_channels] the recording does not say channels, so its buses cannot be told apart" in said
-        assert said.endswith(": 1 mistakes found\n")  # nobody's frames are called missing
+        assert said.endswith(": 1 mistake found\n")  # nobody's frames are called missing
 
 
 def test_ids_of_another_length_are_named(tmp_path: Path, messages: list[can.Message], capsys: pytest.CaptureFixture[str]) -> None:

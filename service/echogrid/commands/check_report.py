@@ -183,5 +183,5 @@ def render(report: Report, title: str) -> str:
         lines += [f"    mend: {line}" for line in fixes]
     lines += [f"not judged [{one.code}]: {one.sentence}" for one in report.judgement.undecided]
     sound = "nothing else wrong was found" if report.torn is not None or report.faults() else "nothing wrong was found"
-    lines.append(f"{title}: " + (f"{len(report.findings)} mistakes found" if report.findings else sound))
+    lines.append(f"{title}: " + (f"{len(report.findings)} mistake{"s" * (len(report.findings) > 1)} found" if report.findings else sound))
     return "\n".join(lines)
