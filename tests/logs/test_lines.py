@@ -35,69 +35,80 @@ WRITERS: dict[str, Callable[[list[can.Message]], list[str]]] = {
 MODULES = (candump, asc, trc, csv_log, blf)
 NOISE = [b"\0", b"\0\0\0", b"\0" * 4, b"junk", b"LOBJ", b"LOBJ\x10\0\1\0"]
 ONE = [can.Message(timestamp=1600000000.0, channel="can0", data=b"1")]
+ODD_LINES = {
+    ".log": [
+        "(1.5) can0 123#11.22",
+        "(15) can0 123#1122",
+        "(1.5) can0 800#1122",
+        "(1.5) can0 1234#1122  R ",
+        "(2147483648.5) can0 123#1122",
+        "(12345678901.123456789) can0 123#1122",
+        "(1.5) caf\u00e9 123#1122",
+        "(1.5) \\xe9 123#1122",
+        "(1.5) can0 123##5" + "00" * 64,
+        "(1.5) can0 123##5" + "00" * 65,
+        "(1600000000.123456789) can0 123#1122",
+        "(1.5) vcan10 00000123#11 T",
+        "(1.5) can0 123#R8_9 X",
+        "(1.5) can0 20000004##10004",
+        " (1.5)  can0  20000004   [9]  00 04",
+        " (1.5)  can0  123   [12]  remote request",
+        " (1.5)  can0  123   [99]  remote request",
+        "(1.5) can0 12#1122",
+    ],
+    ".asc": [
+        "// a comment",
+        "   0.250000 1  FFFFFF          Rx   r 8",
+        "   0.250000 1  Statistic: D 0 R 0",
+        "   0.250000 CANFD   1 Rx        311  Name  1 0 f 64 " + "00 " * 64 + " 130000 130 303000 0 0 0 0 0",
+        "   0.250000 CANFD   1 Rx        311        0 0 2  2 01 02  130000 130 200000 0 0 0 0 0",
+        "   0.250000 CANFD   1 Rx        311        0 0 2  2 01 02",
+        "Begin TriggerBlock Sun Sep 13 12:26:41.000 pm 2020",
+        "   0.250000 2  18EBFF00x       Rx   d 8 01 02 03 04 05 06 07 08",
+        "   0.250000 2  18EBFF00        Rx   d 8 01 02 03 04 05 06 07 08",
+        "9999999999.9 2  100        Rx   d 1 01",
+        "   0,250000 2  100        Rx   d 1 01",
+        "   0.25 2  100        Tx   d 1 01 more",
+        "   0.25 2  100        Tx   d 1 011",
+        "   0.25 2  100        Tx   d 9 01 02 03 04 05 06 07 08",
+        "   0.25 2  100        Rx   d 0 ",
+        "base hex  timestamps relative",
+        "base dec  timestamps absolute",
+        "   0.250000 CANFD   1 Rx        311   1 0 0 2  2 01 02  130000 130 200000 0 0 0 0 0",
+        "   0.250000 CANFD   1 Rx        311  1 0 0  0  130000 130 1000 0 0 0 0 0",
+        "   0.250000 CANFD   1 Rx        311  1 0 2  2 01 02  130000 130 1000z",
+        "   0.250000 2  18EBFF00x       Rx   d 8 01 02 03 04 05 06 07 zz",
+        "   0.250000 CANFD   1 Rx        311  1 0 0  0  130000 130 1010 0 0 0 0 0",
+    ],
+    ".trc": [
+        "      1         0.500 RR 1     0100 Rx -  x",
+        "      1         0.500 DT 1     0100 Rx -  2   01 02",
+        "      1         0.500 DT 1     0100 Rx -  2   01 02 03",
+        "      1         0.500 ST 1     0100 Rx -  4   00 00 00 08",
+        ";$STARTTIME=44087.5",
+        ";$COLUMNS=N,O,T,I,d,L,D",
+        "      1         0.500 FB 1     0100 Rx -  9   " + "01 " * 12,
+        "      1         0.500 DT 1     0100 Rx -  9   " + "01 " * 8,
+        "      1         0.500 DT 1 00000100 Tx -  1   01  ",
+        "x     1         0.500 DT 1 00000100 Tx -  1   01",
+        "      1         0.500 DT 1    00100 Rx -  1   01",
+    ],
+    ".csv": [
+        "1600000001.1234567,0x123,0,0,0,3,AQID",
+        "1600000001.12345678,0x800,0,0,0,2,AQI=",
+        "1600000001.5,0x123,1,0,0,3,AQI=",
+        "1600000001.5,0x123,1,0,0,1,AR==",
+        "1600000001.5,0x123,1,0,0,1,AQ==\t",
+        "1600000001.5,123,1,0,0,9," + "AAAA" * 4,
+        "1600000001.5,0x123,1,0,0,9," + "AAAA" * 4,
+        "1600000001.5,0x123,0,1,0,8,",
+        "0.1,0x1,0,0,0,0,",
+        "1600000001.5,0x123,1,0,0,2,AQJ=",
+    ],
+}
 ODD = st.one_of(
     st.text(max_size=40).map(lambda text: "".join(text.split("\n"))),
-    st.sampled_from(
-        [
-            "// a comment",
-            "(1.5) can0 123#11.22",
-            "(15) can0 123#1122",
-            "(1.5) can0 800#1122",
-            "(1.5) can0 1234#1122  R ",
-            "(2147483648.5) can0 123#1122",
-            "(12345678901.123456789) can0 123#1122",
-            "(1.5) caf\u00e9 123#1122",
-            "(1.5) \\xe9 123#1122",
-            "(1.5) can0 123##5" + "00" * 64,
-            "(1.5) can0 123##5" + "00" * 65,
-            "1600000001.1234567,0x123,0,0,0,3,AQID",
-            "1600000001.12345678,0x800,0,0,0,2,AQI=",
-            "1600000001.5,0x123,1,0,0,3,AQI=",
-            "1600000001.5,0x123,1,0,0,1,AR==",
-            "1600000001.5,0x123,1,0,0,1,AQ==\t",
-            "1600000001.5,123,1,0,0,9," + "AAAA" * 4,
-            "1600000001.5,0x123,1,0,0,9," + "AAAA" * 4,
-            "1600000001.5,0x123,0,1,0,8,",
-            "0.1,0x1,0,0,0,0,",
-            "(1600000000.123456789) can0 123#1122",
-            "(1.5) vcan10 00000123#11 T",
-            "(1.5) can0 123#R8_9 X",
-            "(1.5) can0 20000004##10004",
-            " (1.5)  can0  20000004   [9]  00 04",
-            " (1.5)  can0  123   [12]  remote request",
-            " (1.5)  can0  123   [99]  remote request",
-            "   0.250000 1  FFFFFF          Rx   r 8",
-            "      1         0.500 RR 1     0100 Rx -  x",
-            "   0.250000 1  Statistic: D 0 R 0",
-            "   0.250000 CANFD   1 Rx        311  Name  1 0 f 64 " + "00 " * 64 + " 130000 130 303000 0 0 0 0 0",
-            "   0.250000 CANFD   1 Rx        311        0 0 2  2 01 02  130000 130 200000 0 0 0 0 0",
-            "   0.250000 CANFD   1 Rx        311        0 0 2  2 01 02",
-            "Begin TriggerBlock Sun Sep 13 12:26:41.000 pm 2020",
-            "   0.250000 2  18EBFF00x       Rx   d 8 01 02 03 04 05 06 07 08",
-            "   0.250000 2  18EBFF00        Rx   d 8 01 02 03 04 05 06 07 08",
-            "9999999999.9 2  100        Rx   d 1 01",
-            "   0,250000 2  100        Rx   d 1 01",
-            "   0.25 2  100        Tx   d 1 01 more",
-            "   0.25 2  100        Tx   d 1 011",
-            "   0.25 2  100        Tx   d 9 01 02 03 04 05 06 07 08",
-            "   0.25 2  100        Rx   d 0 ",
-            "base hex  timestamps relative",
-            "base dec  timestamps absolute",
-            "   0.250000 CANFD   1 Rx        311   1 0 0 2  2 01 02  130000 130 200000 0 0 0 0 0",
-            "   0.250000 CANFD   1 Rx        311  1 0 0  0  130000 130 1000 0 0 0 0 0",
-            "   0.250000 CANFD   1 Rx        311  1 0 2  2 01 02  130000 130 1000z",
-            "   0.250000 2  18EBFF00x       Rx   d 8 01 02 03 04 05 06 07 zz",
-            "      1         0.500 DT 1     0100 Rx -  2   01 02",
-            "      1         0.500 DT 1     0100 Rx -  2   01 02 03",
-            "      1         0.500 ST 1     0100 Rx -  4   00 00 00 08",
-            ";$STARTTIME=44087.5",
-            ";$COLUMNS=N,O,T,I,d,L,D",
-            "      1         0.500 FB 1     0100 Rx -  9   " + "01 " * 12,
-            "      1         0.500 DT 1     0100 Rx -  9   " + "01 " * 8,
-            "      1         0.500 DT 1 00000100 Tx -  1   01  ",
-            "x     1         0.500 DT 1 00000100 Tx -  1   01",
-        ]
-    ),
+    st.sampled_from([line for lines in ODD_LINES.values() for line in lines]),
 )
 
 
@@ -153,6 +164,16 @@ def test_an_odd_byte_anywhere_in_a_line_is_read_alike(folder: Path, name: str) -
     path = folder / name
     path.write_bytes(b"\n".join([*head, *odd, b""]))
     assert read(path, compiled) == read(path, reference)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_each_odd_line_of_a_format_is_read_at_once_as_one_by_one(folder: Path, name: str) -> None:
+    """A file for each, since some end the recording; between two lines that are plain."""
+    first, last = WRITERS[name](ONE)[:-1], WRITERS[name](ONE)[-1]
+    for line in ODD_LINES[Path(name).suffix]:
+        path = folder / name
+        path.write_bytes("\n".join([*first, last, line, last, ""]).encode("latin-1", "replace"))
+        assert read(path, compiled) == read(path, reference), line
 
 
 @given(

@@ -51,10 +51,10 @@ def draw_now(random: Random, size: int) -> list[Any]:
 
 
 def draw_past(random: Random, size: int) -> list[Any]:
-    update = np.sort(random.integers(-3, 9, size))
-    age = (15 - update * 1.5).round(1)
+    update = np.sort(random.integers(-3, 11, size))
+    age = 15 - update * 1.5  # down to 0, among them 1.5 and 6
     out = np.ones((6, 16, 16), np.uint8)
-    return [points(random, size, 4, 0.5), age, update, rcs(random, size), 4.0, 0.5, 1.5, 5.0, 254 / 15, TABLE, out]
+    return [points(random, size, 4, 0.5), age, update, rcs(random, size), 4.0, 0.5, 1.5, 6.0, 254 / 15, TABLE, out]
 
 
 def draw_passes(random: Random, size: int) -> list[Any]:
@@ -66,7 +66,8 @@ def draw_passes(random: Random, size: int) -> list[Any]:
 def draw_looks(random: Random, size: int) -> list[Any]:
     yaw, half_fov = random.uniform(-7, 7, size), random.uniform(0.2, 3, size)
     x, y = points(random, size, 4, 1.0).T
-    scans = np.stack((x, y, np.cos(yaw), np.sin(yaw), random.uniform(0, 9, size), np.cos(half_fov)), axis=1).astype(np.float32)
+    reach = random.uniform(0, 9, size).round(random.integers(0, 3))  # some end in the middle of a block
+    scans = np.stack((x, y, np.cos(yaw), np.sin(yaw), reach, np.cos(half_fov)), axis=1).astype(np.float32)
     return [scans, (np.arange(4, dtype=np.float32) - 1.5) * 2, TABLE, np.ones((16, 16), np.uint8)]
 
 
