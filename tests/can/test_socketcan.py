@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import socket
 import time
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ import pytest
 from can.interfaces.socketcan.socketcan import build_can_frame
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.support.waiting import PATIENCE
 
 from echogrid.can.intake import socketcan
 
@@ -68,7 +70,8 @@ def test_times_are_the_kernels() -> None:
         receiver.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         before = time.time()
         sender.sendto(build_can_frame(can.Message(arbitration_id=1)), receiver.getsockname())
-        time.sleep(0.5)
+        assert select.select([receiver], [], [], PATIENCE)[0]  # it has come
+        time.sleep(0.05)
         read = time.time()
         batch = socketcan.receive(receiver, 100, None)
     assert batch is not None

@@ -59,7 +59,7 @@ class Cadence:
         periods = round(elapsed / self._period)
         if periods != counted:
             rounds, off = divmod(periods - counted + 1, self.size)
-            assumed = rounds * self.size if off <= 2 else 0  # the counter went round while frames were lost, or back: two in the wrong order
+            assumed = rounds * self.size if off <= 2 else 0  # the counter went round, or back: two in the wrong order
             skipped = periods - counted - assumed
             assumed += skipped if 0 < skipped <= UNCOUNTED else 0
             counted += assumed

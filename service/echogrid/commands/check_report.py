@@ -183,5 +183,6 @@ def render(report: Report, title: str) -> str:
         lines += [f"    mend: {line}" for line in fixes]
     lines += [f"not judged [{one.code}]: {one.sentence}" for one in report.judgement.undecided]
     sound = "nothing else wrong was found" if report.torn is not None or report.faults() else "nothing wrong was found"
-    lines.append(f"{title}: " + (f"{len(report.findings)} mistake{"s" * (len(report.findings) > 1)} found" if report.findings else sound))
+    count = len(report.findings)
+    lines.append(f"{title}: " + (f"{count} {'mistake' if count == 1 else 'mistakes'} found" if count else sound))
     return "\n".join(lines)
