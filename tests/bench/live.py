@@ -10,7 +10,10 @@ import statistics
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
+
+import can
 
 from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
@@ -37,6 +40,21 @@ class Clock:
             self.delays.append(time.monotonic() - self.sent_at)
 
 
+def in_real_time(service: Service, log: Log, seconds: float) -> Iterator[can.Message]:
+    """The frames that the service reads, of a recording's first seconds, each when it is due."""
+    begun, first = time.monotonic(), 0.0
+    for message in log:
+        if (bus_of(message, service.config.bus), (message.arbitration_id, message.is_extended_id)) not in service.pipeline.signals.readers:
+            continue
+        first = first or message.timestamp
+        if message.timestamp - first > seconds:
+            return
+        ahead = message.timestamp - first - (time.monotonic() - begun)
+        if ahead > 0:
+            time.sleep(ahead)
+        yield message
+
+
 def live(seconds: float) -> dict[str, float]:
     """The demo drive's first seconds with its own configuration, publishing included, without a subscriber."""
     drive = find_drive(DEMO, None)
@@ -49,20 +67,11 @@ def live(seconds: float) -> dict[str, float]:
         try:
             service.live.wait(30.0)
             service.publishing.sinks.append(clock)
-            buses, first = senders(config), 0.0
+            buses = senders(config)
             begun, spent = time.monotonic(), time.process_time() - time.thread_time()
-            for message in Log(drive.log):
-                bus = bus_of(message, config.bus)
-                if (bus, (message.arbitration_id, message.is_extended_id)) not in service.pipeline.signals.readers:
-                    continue
-                first = first or message.timestamp
-                ahead = message.timestamp - first - (time.monotonic() - begun)
-                if ahead > 0:
-                    time.sleep(ahead)
+            for message in in_real_time(service, Log(drive.log), seconds):
                 clock.sent_at = time.monotonic()
-                buses[str(bus)].send(message)
-                if message.timestamp - first > seconds:
-                    break
+                buses[str(bus_of(message, config.bus))].send(message)
             wall = time.monotonic() - begun
             found["share_of_a_core"] = (time.process_time() - time.thread_time() - spent) / wall
             found["rss_mib"] = resident_mib()

@@ -18,7 +18,7 @@ class Gathering:
     """
 
     def __init__(self, cycle_ns: int, max_age_ns: int) -> None:
-        """A radar that is silent for longer than `max_age_ns` is not waited for."""
+        """A radar that is silent for longer than `max_age_ns` after its first scan is not waited for."""
         self.begin_ns: int | None = None
         self._cycle_ns, self._slack_ns, self._max_age_ns = cycle_ns, cycle_ns // SLACK, max_age_ns
         self._last: dict[str, tuple[int, int]] = {}  # by radar: the newest scan's time, and its period; 0 is not known
@@ -69,15 +69,15 @@ class Gathering:
 
     def is_whole(self, now_ns: int, awaited: Iterable[str]) -> bool:
         """Whether the cycle ends now: time is up, or none of the `awaited` radars is due before that."""
-        latest_ns = self.latest_ns
-        if now_ns >= latest_ns:
+        if now_ns >= self.latest_ns:
             return True
         if now_ns < self._earliest_ns or self._newest_ns < (self.begin_ns or 0):
             return False
         self._asked = True
-        for sensor in awaited:
-            if sensor in self._last:
-                heard_ns, period = self._last[sensor]
-                if latest_ns - heard_ns <= self._max_age_ns and (not period or heard_ns + period <= latest_ns):
-                    return False
-        return True
+        return not any(sensor in self._last and self._is_due(*self._last[sensor]) for sensor in awaited)
+
+    def _is_due(self, heard_ns: int, period: int) -> bool:
+        """Whether a radar's next scan is still to come in this cycle: one that would have come before the newest one is lost."""
+        if not period:
+            return self.latest_ns - heard_ns <= self._max_age_ns
+        return self._newest_ns - self._slack_ns <= heard_ns + period <= self.latest_ns
