@@ -70,7 +70,7 @@ def test_radars_that_fire_together_are_kept_together() -> None:
     ]
     found = settled(cycles(sorted(late)))
     spans = [end_ns - scans[0][0] for end_ns, scans in found]
-    assert sum(span > 3 * MS for span in spans) <= 3
+    assert sum(span > 3 * MS for span in spans) <= 4
     assert len(found) > 35
 
 
@@ -80,7 +80,7 @@ def test_a_lost_radar_delays_a_cycle_by_a_tenth() -> None:
     steps = np.diff(ends) / MS
     assert steps.max() <= 56.0
     assert (np.abs(steps - 50.0) > 13.0).sum() == 0
-    assert ((steps > 54.0).sum()) <= 5
+    assert (steps > 54.0).sum() <= 2
     found = [one for one in cycles(scans, frames_ms=1.0) if 1300 * MS < one[0] < 1950 * MS]
     assert all(scans[-1][0] == end_ns and sorted(name for _, name in scans) == ["a", "b", "c"] for end_ns, scans in found)
 
