@@ -40,7 +40,7 @@ class Gathering:
         self._newest_ns = at_ns
 
     def end(self, now_ns: int, *, empty: bool) -> None:
-        """The next cycle begins: where time was up, then. After an `empty` one the next scan need not wait.
+        """The next cycle begins: where time was up, a whole cycle after the last. After an `empty` one the next scan need not wait.
 
         Where the last scan came a little too early to end it, and a frame behind it did, the next begins a little earlier as well, so that
         scans do not go on to wait.
@@ -49,9 +49,8 @@ class Gathering:
             return self._begin(now_ns, empty=True)
         if now_ns < self.latest_ns:
             return self._begin(max(self._newest_ns, self._earliest_ns - self._slack_ns // 2), empty=empty)
-        longest_ns = self._cycle_ns + self._slack_ns
-        rounds = (now_ns - self.begin_ns) // longest_ns
-        return self._begin(self.begin_ns + rounds * longest_ns, empty=empty or rounds > 1)
+        rounds = (now_ns - self.begin_ns - self._slack_ns) // self._cycle_ns
+        return self._begin(self.begin_ns + rounds * self._cycle_ns, empty=empty or rounds > 1)
 
     def _begin(self, at_ns: int, *, empty: bool) -> None:
         self.begin_ns, self._asked = at_ns, False
