@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import cast
 
 import can
@@ -63,18 +64,17 @@ class FrameBatch:
     @classmethod
     def of(cls, frames: Sequence[AnyFrame]) -> FrameBatch:
         """The same frames, of ids and lengths that frames can have."""
-        size, names = len(frames), dict[str, int]()
+        names = dict[str, int]()
         payloads = [bytes(frame.data) for frame in frames]
         lengths = list(map(len, payloads))
         codes, dlc = [frame.arbitration_id for frame in frames], [frame.dlc for frame in frames]
-        ends = np.cumsum(lengths, dtype=np.int64)
         return cls(
             np.array([frame.timestamp for frame in frames], np.float64),
             np.array(codes, np.uint32),
             np.array([flags_of(frame) for frame in frames], np.uint8),
             np.array(dlc, np.uint8),
             np.array(lengths, np.uint8),
-            ends - lengths if size else ends,
+            np.array([*accumulate(lengths, initial=0)][:-1], np.int64),
             np.frombuffer(b"".join(payloads), np.uint8),
             np.array([channel_number(frame.channel, names) for frame in frames], np.int32),
             tuple(names),
