@@ -148,6 +148,23 @@ def test_frames_are_identified_as_in_numpy(seed: int, size: int) -> None:
         np.testing.assert_array_equal(one, other)
 
 
+def receiving(random: Random, size: int) -> list[Any]:
+    """Frames as Linux has them, classic and FD, with any bits."""
+    rows = random.integers(0, 256, (size, 72)).astype(np.uint8)
+    written = [np.zeros(size, np.uint32), *np.zeros((3, size), np.uint8)]
+    return [rows, random.choice([16, 72], size).astype(np.uint8), random.random(size) < 0.3, *written]
+
+
+@given(seed=st.integers(0, 1 << 32), size=st.integers(0, 40))
+def test_frames_of_a_socket_are_read_as_in_numpy(seed: int, size: int) -> None:
+    """Which is held to what python-can makes of them by tests/can/test_socketcan.py."""
+    found, expected = (receiving(np.random.default_rng(seed), size) for _ in range(2))
+    compiled.can_frames(*found)
+    reference.can_frames(*expected)
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
 @pytest.mark.parametrize(("case", "place"), [("identify", 11), ("identify", 9), ("assemble", 8), ("assemble", 15), ("assemble", 21)])
 def test_plans_and_tables_that_reach_beyond_the_arrays_are_refused(case: str, place: int) -> None:
     """Half of the checksums' tables, of what is known, of the rules, of the plans, of the room for detections."""

@@ -12,7 +12,14 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-EXTENDED, REMOTE, ERROR, FD, SENT, SWITCH, STATE = (1 << bit for bit in range(7))  # among a frame's flags
+from echogrid.core.kernels.can_frames import ERROR as ERROR
+from echogrid.core.kernels.can_frames import EXTENDED as EXTENDED
+from echogrid.core.kernels.can_frames import FD as FD
+from echogrid.core.kernels.can_frames import REMOTE as REMOTE
+from echogrid.core.kernels.can_frames import SENT as SENT
+from echogrid.core.kernels.can_frames import STATE as STATE
+from echogrid.core.kernels.can_frames import SWITCH as SWITCH
+
 NO_CHANNEL = -1
 GROUP = 256  # frames that come one by one
 FIRST_NAME = -2  # of channels with names: -2 is the first name, -3 the second

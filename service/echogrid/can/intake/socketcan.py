@@ -8,13 +8,10 @@ import time
 
 import numpy as np
 
-from echogrid.can.intake.frames import ERROR, EXTENDED, FD, REMOTE, SENT, STATE, SWITCH, FrameBatch, channel_number
+from echogrid.can.intake.frames import FrameBatch, channel_number
+from echogrid.core.kernels.can_frames import CLASSIC, FLEXIBLE
+from echogrid.core.kernels.dispatch import loops
 
-# linux/can.h: struct canfd_frame, of which struct can_frame has the first 16 bytes.
-_FRAME = np.dtype([("id", "=u4"), ("length", "u1"), ("flags", "u1"), ("", "V2"), ("data", "u1", (64,))])
-CLASSIC, FLEXIBLE = 16, 72  # bytes
-EFF, RTR, ERR = 0x80000000, 0x40000000, 0x20000000
-BRS, ESI = 1, 2
 _TIME = struct.Struct("@ll")  # struct timespec of SO_TIMESTAMPNS
 _ROOM = socket.CMSG_SPACE(_TIME.size)
 
@@ -45,23 +42,13 @@ def receive(opened: socket.socket, most: int, channel: str | int | None) -> Fram
         pass
     if not parts:
         return None
-    frames = np.frombuffer(b"".join(parts), _FRAME)
-    codes, is_fd = frames["id"], np.array(sizes) == FLEXIBLE
-    extended, remote = codes & EFF != 0, codes & RTR != 0
-    flags_of_all = extended * np.uint8(EXTENDED) | remote * np.uint8(REMOTE) | (codes & ERR != 0) * np.uint8(ERROR)
-    flags_of_all |= is_fd * np.uint8(FD) | np.array(sent) * np.uint8(SENT)
-    flags_of_all |= (is_fd & (frames["flags"] & BRS != 0)) * np.uint8(SWITCH) | (is_fd & (frames["flags"] & ESI != 0)) * np.uint8(STATE)
-    lengths = np.minimum(frames["length"], np.where(is_fd, 64, 8)).astype(np.uint8)
+    count = len(parts)
+    rows = np.frombuffer(b"".join(parts), np.uint8).reshape(count, FLEXIBLE)
+    ids, (flags_of_all, dlc, there) = np.empty(count, np.uint32), np.empty((3, count), np.uint8)
+    loops.can_frames(rows, np.array(sizes, np.uint8), np.array(sent, np.bool_), ids, flags_of_all, dlc, there)
     names: dict[str, int] = {}
     number = channel_number(channel, names)
+    begins = np.arange(8, count * FLEXIBLE, FLEXIBLE, np.int64)
     return FrameBatch(
-        np.array(stamps),
-        np.where(extended, codes & 0x1FFFFFFF, codes & 0x7FF).astype(np.uint32),
-        flags_of_all,
-        lengths,
-        np.where(remote, 0, lengths).astype(np.uint8),
-        np.arange(len(frames), dtype=np.int64) * FLEXIBLE + 8,
-        frames.view(np.uint8),
-        np.full(len(frames), number, np.int32),
-        tuple(names),
+        np.array(stamps), ids, flags_of_all, dlc, there, begins, rows.reshape(-1), np.full(count, number, np.int32), tuple(names)
     )

@@ -7,10 +7,10 @@ from enum import IntEnum, IntFlag
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.core.kernels.can_frames import ERROR, EXTENDED, REMOTE
 from echogrid.core.kernels.cells import Bytes, Floats, Integers, Mask
 from echogrid.core.kernels.frames import evaluate, signals
 
-EXTENDED, REMOTE, ERROR = 1, 2, 4  # among a frame's flags
 LATEST = 4.6e9  # s since 1970: a stamp beyond is none
 BUS_BIT, EXTENDED_BIT = 33, 32  # of a key, above those of the id
 

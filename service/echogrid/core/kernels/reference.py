@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from echogrid.core.kernels.answers import fold as fold
 from echogrid.core.kernels.answers import odds as odds
+from echogrid.core.kernels.can_frames import can_frames as can_frames
 from echogrid.core.kernels.cells import (
     Bits,
     Bytes,

@@ -147,7 +147,6 @@ class Assembly:
         self._rows = np.zeros((radars, MOST_FRAMES + 3, ROW_BYTES), np.uint8)
         self._counters = np.zeros((radars, len(Counted)), np.int64)
         self._event = np.zeros(len(Event), np.int64)
-        self._event_bytes = self._event.view(np.uint8).data
         each = max((rule.plan.numbers[Head.EACH] for rule in rules if rule.plan is not None), default=1)
         self._scans, self._values = np.empty((SCANS, len(Found)), np.int64), np.empty((SCANS, len(VALUES)))
         self._columns = np.empty((len(COLUMNS), (MOST_FRAMES + 1) * each + DETECTIONS))
@@ -161,7 +160,7 @@ class Assembly:
         """Takes frames from `begin` on and before `until`, as long as the time of the newest, which `newest_ns` was before, is in the span;
         one whose time is off by more than STEP_NS is left."""
         cycles = list[Cycle]()
-        _ASKED.pack_into(self._event_bytes, 0, begin, newest_ns, *span, until, STEP_NS)
+        _ASKED.pack_into(self._event, 0, begin, newest_ns, *span, until, STEP_NS)
         taken = unknown = remote = 0
         while True:
             loops.assemble(*frames, *self._arguments)
