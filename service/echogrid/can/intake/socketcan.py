@@ -48,7 +48,6 @@ def receive(opened: socket.socket, most: int, channel: str | int | None) -> Fram
     loops.can_frames(rows, np.array(sizes, np.uint8), np.array(sent, np.bool_), ids, flags_of_all, dlc, there)
     names: dict[str, int] = {}
     number = channel_number(channel, names)
-    begins = np.arange(8, count * FLEXIBLE, FLEXIBLE, np.int64)
-    return FrameBatch(
-        np.array(stamps), ids, flags_of_all, dlc, there, begins, rows.reshape(-1), np.full(count, number, np.int32), tuple(names)
-    )
+    begins = np.arange(count, dtype=np.int64) * FLEXIBLE + 8
+    channels = np.full(count, number, np.int32)
+    return FrameBatch(np.array(stamps), ids, flags_of_all, dlc, there, begins, rows.reshape(-1), channels, tuple(names))
