@@ -160,7 +160,7 @@ class Assembly:
         """Takes frames from `begin` on and before `until`, as long as the time of the newest, which `newest_ns` was before, is in the span;
         one whose time is off by more than STEP_NS is left."""
         cycles = list[Cycle]()
-        _ASKED.pack_into(self._event, 0, begin, newest_ns, *span, until, STEP_NS)
+        _ASKED.pack_into(self._event.data, 0, begin, newest_ns, *span, until, STEP_NS)
         taken = unknown = remote = 0
         while True:
             loops.assemble(*frames, *self._arguments)
