@@ -25,6 +25,7 @@ class Gathering:
         self._newest_ns = 0  # of all scans
         self._earliest_ns = 0  # the cycle does not end before
         self._asked = False  # whether that has passed, and scans were due
+        self._none_due = False  # whether that has passed, and none was
 
     def restart(self) -> None:
         """Forgets all times."""
@@ -47,13 +48,13 @@ class Gathering:
         """
         if self.begin_ns is None:
             return self._begin(now_ns, empty=True)
-        if now_ns < self.latest_ns:
+        if self._none_due or now_ns < self.latest_ns:
             return self._begin(max(self._newest_ns, self._earliest_ns - self._slack_ns // 2), empty=empty)
         rounds = (now_ns - self.begin_ns - self._slack_ns) // self._cycle_ns
         return self._begin(self.begin_ns + rounds * self._cycle_ns, empty=empty or rounds > 1)
 
     def _begin(self, at_ns: int, *, empty: bool) -> None:
-        self.begin_ns, self._asked = at_ns, False
+        self.begin_ns, self._asked, self._none_due = at_ns, False, False
         self._earliest_ns = at_ns if empty else at_ns + self._cycle_ns - self._slack_ns
 
     @property
@@ -68,12 +69,11 @@ class Gathering:
 
     def is_whole(self, now_ns: int, awaited: Iterable[str]) -> bool:
         """Whether the cycle ends now: time is up, or none of the `awaited` radars is due before that."""
-        if now_ns >= self.latest_ns:
-            return True
         if now_ns < self._earliest_ns or self._newest_ns < (self.begin_ns or 0):
-            return False
+            return now_ns >= self.latest_ns
+        self._none_due = not any(sensor in self._last and self._is_due(*self._last[sensor]) for sensor in awaited)
         self._asked = True
-        return not any(sensor in self._last and self._is_due(*self._last[sensor]) for sensor in awaited)
+        return self._none_due or now_ns >= self.latest_ns
 
     def _is_due(self, heard_ns: int, period: int) -> bool:
         """Whether a radar's next scan is still to come in this cycle: one that would have come before the newest one is lost."""
