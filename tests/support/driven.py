@@ -14,6 +14,7 @@ from echogrid.core.motion.se2 import SE2
 from echogrid.core.radar.doppler_errors import DopplerErrors
 from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
+from echogrid.core.radar.seen_again import SeenAgain
 from echogrid.core.radar.static_gate import GateNoise
 
 STEP = 0.02  # s
@@ -84,8 +85,8 @@ class Driven:
         return RadarScan(name, stamp_ns, stamp_ns, rng.uniform(2.0, 20.0, len(azimuth)), shown, rate, np.zeros(len(azimuth)))
 
 
-def follow(driven: Driven, learns: Learns = "driving", errors: ErrorFilter | None = None) -> Odometry:
-    """All of it through dead reckoning and the filter."""
+def follow(driven: Driven, learns: Learns = "driving", errors: ErrorFilter | None = None, again: SeenAgain | None = None) -> Odometry:
+    """All of it through dead reckoning and the filter; `again`: what is seen again, too."""
     errors = ErrorFilter(tuple(MOUNTS), learns) if errors is None else errors
     odometry, doppler, noise = Odometry(errors), DopplerErrors(), GateNoise()
     for n, time in enumerate(driven.time):
@@ -100,6 +101,8 @@ def follow(driven: Driven, learns: Learns = "driving", errors: ErrorFilter | Non
             if ego is not None:
                 placed.append(PlacedScan.of(scan, mount, ego, noise))
         doppler.add(placed, errors, noise)
+        if again is not None:
+            again.add(placed, errors, noise)
     return odometry
 
 

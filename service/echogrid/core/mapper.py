@@ -23,6 +23,7 @@ from echogrid.core.radar.doppler_errors import DopplerErrors
 from echogrid.core.radar.gathering import Gathering
 from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
+from echogrid.core.radar.seen_again import SeenAgain
 from echogrid.core.radar.static_gate import GateNoise, beside_movers
 from echogrid.core.trust.motion_watch import Verdict
 from echogrid.core.trust.watch import Watch
@@ -92,6 +93,7 @@ class Mapper:
         self.odometry = Odometry(ErrorFilter(tuple(mounts)) if errors is None else errors)
         self.frame = frame
         self.doppler = DopplerErrors()
+        self.again = SeenAgain()
         self.history = History()
         self.pending: list[RadarScan] = []
         self.newest_ns: dict[str, int] = {}  # stamp of each sensor's newest scan
@@ -161,6 +163,7 @@ class Mapper:
             return None
         ego = max((one.ego for one in placed), key=lambda ego: ego.stamp_ns)
         self.doppler.add(placed, self.odometry.errors, self.noise)
+        self.again.add(placed, self.odometry.errors, self.noise)
         found = self._detections(placed, ego)
         near = found.chosen(np.concatenate([one.near for one in placed]))
         standing, beside = self._gate(near)
@@ -189,6 +192,7 @@ class Mapper:
         if self.frame is not None:
             self.frame.restart()
         self.doppler.restart()
+        self.again.restart()
         self.pending = []
         self.newest_ns.clear()
         self.gathering.restart()

@@ -129,13 +129,14 @@ class ErrorFilter:
         if self.learns != "never":
             self._observe({BIAS: 1.0}, yaw_rate - self.mean[BIAS], model.STANDING_NOISE**2 / seconds, farthest=math.inf)
 
-    def see(self, information: Floats, vector: Floats) -> None:
-        """A measurement of Doppler in information form, (E, E) and (E,) over all errors: Hᵀ R⁻¹ H and Hᵀ R⁻¹ (measured - expected).
+    def see(self, information: Floats, vector: Floats, moves: Sequence[int]) -> None:
+        """A measurement in information form, (E, E) and (E,) over all errors: Hᵀ R⁻¹ H and Hᵀ R⁻¹ (measured - expected).
 
-        It moves no error of gyro and rear axle: those are considered, not estimated (docs/motion.md has what it did to them).
+        It moves no other errors than these: the others are considered, not estimated (docs/motion.md has what it did to them).
         """
-        gain = np.linalg.solve(np.eye(len(vector)) + self.covariance @ information, self.covariance)
-        gain[[BIAS, TURN_SCALE, TRACK, UNEVEN]] = 0.0
+        gain = np.zeros_like(self.covariance)
+        rows = list(moves)
+        gain[rows] = np.linalg.solve(np.eye(len(vector)) + self.covariance @ information, self.covariance)[rows]
         gained = gain @ information
         self._update(gained, gained @ gain.T, gain @ vector)
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from echogrid.core.messages import Floats
 from echogrid.core.motion.error_filter import ErrorFilter
-from echogrid.core.motion.error_model import BIAS, DELAY, RATE, SCALE, STRETCH, TURN_SCALE, YAW
+from echogrid.core.motion.error_model import BIAS, CAR, DELAY, HEADING, POSE, RATE, SCALE, STRETCH, TURN_SCALE, YAW, X, Y
 from echogrid.core.radar.placed_scan import PlacedScan
 from echogrid.core.radar.static_gate import GateNoise, fold
 
@@ -48,7 +48,8 @@ class DopplerErrors:
             weighted = slope * weight[:, None]
             information[np.ix_(rows, rows)] += weighted.T @ slope
             vector[rows] += weighted.T @ left
-        errors.see(information, vector)
+        radars = range(POSE + CAR, count)
+        errors.see(information, vector, (X, Y, HEADING, SCALE, DELAY, *radars))
 
 
 def rows_of(errors: ErrorFilter, radar: str) -> NDArray[np.intp]:

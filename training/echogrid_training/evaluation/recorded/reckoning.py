@@ -17,6 +17,7 @@ from echogrid.core.motion.odometry import Odometry
 from echogrid.core.radar.doppler_errors import DopplerErrors
 from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
+from echogrid.core.radar.seen_again import SeenAgain
 from echogrid.core.radar.static_gate import GateNoise
 from echogrid.errors import EchogridError
 from echogrid.logs.drive import Truth, find_drive, load_truth
@@ -81,7 +82,7 @@ def reckon(heard: Heard, learns: Learns, kept: Kept | None = None, *, same_drive
     errors = ErrorFilter(tuple(heard.mounts), learns)
     if kept is not None:
         errors.recall(kept, same_drive=same_drive)
-    odometry, doppler = Odometry(errors), DopplerErrors()
+    odometry, doppler, again = Odometry(errors), DopplerErrors(), SeenAgain()
     waiting: list[RadarScan] = []
     end_ns, stamps, poses, covariances = 0, list[int](), list[tuple[float, float, float]](), list[Floats]()
     for now_ns, item in heard.items:
@@ -92,7 +93,9 @@ def reckon(heard: Heard, learns: Learns, kept: Kept | None = None, *, same_drive
         if now_ns < end_ns:
             continue
         end_ns = now_ns // CYCLE_NS * CYCLE_NS + CYCLE_NS
-        doppler.add(_placed(waiting, odometry, heard.mounts), errors, heard.noise)
+        placed = _placed(waiting, odometry, heard.mounts)
+        doppler.add(placed, errors, heard.noise)
+        again.add(placed, errors, heard.noise)
         waiting = []
         if odometry.states:
             newest = odometry.states[-1]
