@@ -57,6 +57,13 @@ class PoseReader:
         """As `read`."""
         return self.read((message.arbitration_id, message.is_extended_id), bytes(message.data), received_ns)
 
+    def swapped(self) -> bool:
+        """Whether the newest place is nowhere near, and would be with its latitude and longitude in each other's place."""
+        if self.plane is None or self._at is None:
+            return False
+        latitude, longitude = self._at
+        return math.hypot(*self.plane.place(latitude, longitude)) > FARTHEST_ON_PLANE > math.hypot(*self.plane.place(longitude, latitude))
+
     def read(self, frame_id: FrameId, data: bytes, received_ns: int) -> list[PoseFix]:
         """What the frame says of the pose. Raises ValueError for a bad frame, which changes nothing; values that are none are counted."""
         check = self.checks[frame_id]

@@ -12,7 +12,7 @@ from echogrid.config.editing import Path as Keys
 from echogrid.config.editing import edited
 from echogrid.config.tables import Config
 from echogrid.files import read, whole
-from echogrid.judging.mending import MOTION
+from echogrid.judging.mending import MOTION, POSE
 
 MOST_BYTES = 1 << 20  # of a configuration or profile
 
@@ -28,10 +28,11 @@ def write_mended(report: Report, source: Path, out: Path) -> None:
             profiles.setdefault(owner, {}).update(own)
     written: dict[tuple[str, str], str] = {}
     for owner, own in profiles.items():
-        index = None if owner == MOTION else [radar.name for radar in config.radar].index(owner)
-        configured = config.motion if index is None else config.radar[index]
-        table: Keys = ("motion",) if index is None else ("radar", index)
-        profile = find(configured.profile, source.parent)
+        index = None if owner in (MOTION, POSE) else [radar.name for radar in config.radar].index(owner)
+        configured = config.radar[index] if index is not None else config.pose if owner == POSE else config.motion
+        assert configured is not None  # what is mended is configured
+        table: Keys = (owner,) if index is None else ("radar", index)
+        profile = find(str(configured.profile), source.parent)
         kind = profile.stem, repr(own)
         if kind not in written:
             same = sum(stem == profile.stem for stem, _ in written)
@@ -39,7 +40,9 @@ def write_mended(report: Report, source: Path, out: Path) -> None:
             text = edited(read(profile, MOST_BYTES).decode(), own)
             (out.parent / written[kind]).write_text(text)
         changes[*table, "profile"] = written[kind]
-        named = (report.listener.mender.motion if index is None else report.listener.mender.radars[owner]).dbc
+        mender = report.listener.mender
+        of = mender.radars[owner] if index is not None else mender.pose if owner == POSE else mender.motion
+        named = None if of is None else of.dbc
         if configured.dbc is None and named is not None:
             changes[*table, "dbc"] = relative_to(out.parent, profile.parent / named)
     with whole(out) as partial:
@@ -53,6 +56,8 @@ def _moved(config: Config, before: Path, after: Path) -> dict[Keys, Any]:
     named: dict[Keys, str | None] = {("motion", "dbc"): config.motion.dbc, ("motion", "profile"): config.motion.profile}
     for n, radar in enumerate(config.radar):
         named |= {("radar", n, "dbc"): radar.dbc, ("radar", n, "profile"): radar.profile}
+    if config.pose is not None:
+        named |= {("pose", "dbc"): config.pose.dbc, ("pose", "profile"): config.pose.profile}
     named[("model",)] = config.model
     return {
         path: relative_to(after, before / name)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from echogrid.judging.finding import Finding
+from echogrid.core.motion.pose_convention import TURNED, Convention
+from echogrid.judging.finding import Finding, Undecided
 from echogrid.judging.recorded import RadarTrack
 from echogrid.judging.weighing import CLOCKWISE, IN_RADIANS, MIRRORED, NEAR, Turned, Weighed
 
@@ -15,6 +16,7 @@ UNITS = {
     100.0: "m/s that are taken for cm/s",
     0.01: "cm/s that are taken for m/s",
 }
+STEADY, ASKEW = math.radians(12.0), math.radians(10.0)  # how far a pose's heading may scatter about the car's yaw, and be off in the mean
 TURN_UNITS = {math.degrees(1): "rad/s that are taken for degrees/s", math.radians(1): "degrees/s that are taken for rad/s"}
 
 
@@ -79,6 +81,35 @@ def findings_of(weighed: Weighed, radars: Sequence[RadarTrack]) -> list[Finding]
             code = "range_rate_scale" if ratio is None else "range_rate_unit"
             say(code, f"radar {name}: range rates must be multiplied by {one.rate_scale:.4g}{known}", one.rate_scale, [name])
     return found
+
+
+def findings_of_pose(found: Convention, poses: int) -> tuple[list[Finding], list[Undecided]]:
+    """What is wrong with the axes and headings of so many poses from outside."""
+    rests = f"{poses} poses beside the car's own motion, which turned by {math.degrees(found.turned):.0f}°"
+
+    def say(code: str, what: str, value: float, unit: str) -> tuple[list[Finding], list[Undecided]]:
+        return [Finding(code, f"pose: {what}", value, unit, 0.95, rests, subject="pose")], []
+
+    if found.mirrored:
+        what = "its places go the other way round than the car: two axes, or latitude and longitude, are swapped, or one has the wrong sign"
+        return say("pose_mirrored", what, -1.0, "")
+    if found.as_told < STEADY and abs(found.apart) < ASKEW:
+        return [], []
+    if found.turned < TURNED:
+        off = abs(math.degrees(found.apart))
+        sentence = f"pose: its heading is {off:.0f}° off its course; whether by sign, unit or angle is not known: drive bends"
+        return [], [Undecided("needs_turn", sentence)]
+    if found.scatter > STEADY:
+        return [], []
+    if abs(abs(found.factor) - 1.0) > NEAR:
+        unit = "degrees that are taken for radians" if abs(found.factor) < 1.0 else "radians that are taken for degrees"
+        way = "" if found.factor > 0.0 else ", and clockwise"
+        return say("pose_heading_unit", f"its heading must be multiplied by {found.factor:.4g}: {unit}{way}", found.factor, "")
+    offset = math.degrees(found.offset)
+    if found.factor < 0.0:
+        what = f"its heading has the wrong sign: the car's yaw is {offset:.0f}° less what is read (clockwise for counter-clockwise)"
+        return say("pose_heading_sign", what, offset, "deg")
+    return say("pose_heading_offset", f"its heading is off by {offset:+.0f}° from where the car drives", offset, "deg")
 
 
 def _order(turned: Sequence[Turned], radars: Sequence[RadarTrack], say: object) -> None:

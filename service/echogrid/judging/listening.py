@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,20 +13,23 @@ from echogrid.can.intake.frames import ERROR, EXTENDED, FrameBatch
 from echogrid.can.intake.table import UNKNOWN_BUS
 from echogrid.can.motion import MotionReader
 from echogrid.can.pose import PoseReader
-from echogrid.can.profile import MotionProfile, RadarProfile, find, load_motion, load_radar
+from echogrid.can.profile import MotionProfile, PoseProfile, RadarProfile, find, load_motion, load_pose, load_radar
 from echogrid.can.radar import RadarReader
 from echogrid.can.signals import SignalReader, buses_of
 from echogrid.config.tables import Config
 from echogrid.core.health import Health
 from echogrid.core.messages import EgoMotion, PoseFix, RadarScan
+from echogrid.core.motion.pose_convention import convention
 from echogrid.core.radar.scan import FrameKind
-from echogrid.judging.finding import Finding
+from echogrid.judging.by_hypothesis import findings_of_pose
+from echogrid.judging.finding import Finding, Undecided
 from echogrid.judging.judge import LOST, Judgement, counted, judge
 from echogrid.judging.mending import Mender
-from echogrid.judging.recorded import Recorded, collect
+from echogrid.judging.recorded import NS, Recorded, collect
 from echogrid.judging.traffic import FrameId, Moved, Owner, judge_traffic
 
 SHORT = 0.5  # share of an owner's frames that are shorter than the DBC says, from which on it is the DBC
+MOST_INVALID = 0.9  # share of the places, from which on latitude and longitude may be swapped
 SILENCE = 0.5  # s without a sample or scan
 SPEED, YAW_RATE, POSE = "speed", "yaw rate", "pose"
 NO_CHANNELS = Finding(
@@ -50,7 +54,8 @@ class Listener:
         self.poses: list[PoseFix] = []
         self.channels: dict[str, list[str]] = {bus.name: [] for bus in config.bus}
         self.owners, self._lengths = _owners(config, self.reader)
-        self.mender = Mender(config, *_profiles(config, source), {}, self.channels)
+        radars, motion, pose = _profiles(config, source)
+        self.mender = Mender(config, radars, motion, {}, self.channels, pose)
 
     def take(self, batch: FrameBatch) -> NDArray[np.int64]:
         """Frames (N,) of the recording; returns the buses that they belong to, as of `buses_of`."""
@@ -97,8 +102,29 @@ class Listener:
         about_traffic += self._lengths_and_counters(recorded, {name for one in about_traffic for name in (*one.radars, one.subject)}, moved)
         settings = {radar.name: f"{radar.profile} {radar.dbc}" for radar in self.config.radar}
         judgement = judge(recorded, settings)
-        mender = Mender(self.config, self.mender.radars, self.mender.motion, moved, self.channels)
-        return judgement, [*about_traffic, *judgement.findings], mender
+        about_pose: list[Finding] = []
+        if not any(one.code.startswith(("speed_", "yaw_rate_sign", "yaw_rate_unit", "byte_order")) for one in judgement.findings):
+            about_pose, missing = self._pose(recorded)  # else it is not the pose that is wrong
+            judgement = replace(judgement, undecided=(*judgement.undecided, *missing))
+        return judgement, [*about_traffic, *judgement.findings, *about_pose], replace(self.mender, moved=moved)
+
+    def _pose(self, recorded: Recorded) -> tuple[list[Finding], list[Undecided]]:
+        """The pose from outside beside the car's own motion."""
+        pose, invalid = self.config.pose, self.health.pose.invalid
+        reader = next((one for one in self.reader.readers.values() if isinstance(one, PoseReader)), None)
+        if pose is None or reader is None:
+            return [], []
+        if invalid > MOST_INVALID * max(len(self.poses) + invalid, 1) and reader.swapped():
+            sentence = (
+                f"pose: {invalid} of its places are far from the origin, and near it with latitude and longitude in each other's place"
+            )
+            return [Finding("pose_swapped", sentence, float(invalid), "poses", 0.99, "the newest place", subject=POSE)], []
+        poses = sorted(self.poses, key=lambda one: one.stamp_ns)
+        told = [((one.stamp_ns - recorded.begin_ns) * NS, one.x, one.y, (one.yaw_ns - recorded.begin_ns) * NS, one.yaw) for one in poses]
+        time, speed = recorded.speed.time, recorded.speed.value
+        motion = np.stack((time, speed, recorded.yaw_rate.at(time)), axis=1)
+        found = convention(motion, np.array(told).reshape(-1, 5), pose.base_from_point()) if len(recorded.yaw_rate) else None
+        return ([], []) if found is None else findings_of_pose(found, len(poses))
 
     def _lengths_and_counters(self, recorded: Recorded, explained: set[str], moved: dict[str, Moved]) -> list[Finding]:
         """What is not explained by frames that are not there."""
@@ -163,6 +189,8 @@ def needed(radar: RadarReader) -> tuple[FrameId, ...]:
     return tuple(sorted(kept))
 
 
-def _profiles(config: Config, source: Path) -> tuple[dict[str, RadarProfile], MotionProfile]:
+def _profiles(config: Config, source: Path) -> tuple[dict[str, RadarProfile], MotionProfile, PoseProfile | None]:
     radars = {radar.name: load_radar(find(radar.profile, source.parent)) for radar in config.radar}
-    return radars, load_motion(find(config.motion.profile, source.parent))
+    named = None if config.pose is None else config.pose.profile
+    pose = None if named is None else load_pose(find(named, source.parent))
+    return radars, load_motion(find(config.motion.profile, source.parent)), pose

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from echogrid.can.profile import FACTORS, UNITS, MotionProfile, Quantity, RadarProfile
+from echogrid.can.profile import FACTORS, UNITS, MotionProfile, PoseProfile, Quantity, RadarProfile
 from echogrid.config.editing import Path, literal
 from echogrid.config.tables import Config
 from echogrid.judging.finding import Finding
@@ -15,13 +15,14 @@ from echogrid.judging.traffic import Moved
 from echogrid.judging.weighing import NEAR
 
 IDENTITY = ("bus", "profile", "dbc", "id_offset", "latency_ms")  # of whose traffic it is, not where it sits
-MOTION = "motion"  # whose profile is changed, where it is no radar's
+MOTION, POSE = "motion", "pose"  # whose profile is changed, where it is no radar's
+RIGHT = 5.0  # deg: an angle that is so near to a right one is one
 ROUND_FOV = 5.0  # deg
 
 
 @dataclass(slots=True)
 class Fix:
-    """`config`: new values by path. `profiles`: new values by whose profile, a radar's name or MOTION. `says`: what has no such line."""
+    """`config`: new values by path. `profiles`: new values by whose profile, a radar's name, MOTION or POSE. `says`: what has no line."""
 
     config: dict[Path, Any] = field(default_factory=dict)
     profiles: dict[str, dict[Path, Any]] = field(default_factory=dict)
@@ -50,6 +51,7 @@ class Mender:
     motion: MotionProfile
     moved: Mapping[str, Moved]
     channels: Mapping[str, Sequence[str]]  # of the recording, by bus
+    pose: PoseProfile | None = None
 
     def fix(self, finding: Finding) -> Fix:
         """The lines that would mend one finding; `says` alone where no line would."""
@@ -91,6 +93,28 @@ class Mender:
 
     def _pose_missing(self, finding: Finding) -> Fix:
         return Fix(says="take [pose] out of the configuration, or connect its sender")
+
+    def _pose_heading_offset(self, finding: Finding) -> Fix:
+        old = 0.0 if self.config.pose is None else self.config.pose.yaw_deg
+        return Fix({("pose", "yaw_deg"): round(math.remainder(old - _right(finding.value), 360.0), 1)})
+
+    def _pose_heading_sign(self, finding: Finding) -> Fix:
+        """The car's yaw is value - (sign x signal + offset - yaw_deg), and shall be -sign x signal + another offset - yaw_deg."""
+        if self.pose is None or self.config.pose is None:
+            return Fix(says=SAYS["pose_heading_sign"])
+        own = self.pose.heading.yaw
+        turn = _right(finding.value) - math.degrees(own.offset) + 2.0 * self.config.pose.yaw_deg
+        offset = round(math.radians(math.remainder(turn, 360.0)), 6)
+        return Fix(profiles={POSE: {("heading", "yaw", "sign"): -own.sign, ("heading", "yaw", "offset"): offset}})
+
+    def _pose_heading_unit(self, finding: Finding) -> Fix:
+        if self.pose is None:
+            return Fix(says=SAYS["pose_heading_unit"])
+        own = self.pose.heading.yaw
+        changes: dict[Path, Any] = {("heading", "yaw", "unit"): _unit(own, abs(finding.value))}
+        if finding.value < 0.0:
+            changes["heading", "yaw", "sign"] = -own.sign
+        return Fix(profiles={POSE: changes})
 
     def _radar_missing(self, finding: Finding) -> Fix:
         return Fix(says=f"take the [[radar]] {finding.radars[0]} out of the configuration, or connect it")
@@ -227,10 +251,20 @@ SAYS = {
     "checksum": "in the profile: the algorithm of crc, or the DBC",
     "no_channels": "record in a format that has channels (docs/recordings.md), or one bus a file",
     "wrong_length": "the DBC is another version's",
+    "pose_swapped": "in the pose's profile: the signals of latitude and longitude change places",
+    "pose_mirrored": "in the pose's profile: the signals of x and y, or of latitude and longitude, change places, or one gets another sign",
+    "pose_heading_sign": "the sender's yaw is counter-clockwise from x",
+    "pose_heading_unit": "the sender's yaw is in radians",
     "blocked": "clean the radar, look what is before it, and whether it is on",
     "blocked_sector": "look what is before the radar",
     "lost_frames": "look at the bus load, and at what records it",
 }
+
+
+def _right(degrees: float) -> float:
+    """A right angle, if it is nearly one."""
+    nearest = 90.0 * round(degrees / 90.0)
+    return nearest if abs(degrees - nearest) < RIGHT else degrees
 
 
 def _unit(quantity: Quantity, factor: float) -> str | None:
