@@ -10,6 +10,7 @@ import zlib
 from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import structs
 
 from echogrid.config.tables import Body
 from echogrid.core.motion.se2 import SE2
@@ -75,4 +76,4 @@ def as_loud(recording: Recording, rcs: float | None) -> Recording:
     """With cross-sections whose median within NEAR is `rcs` dBsm; with none where it is None."""
     near = np.concatenate([np.empty(0), *(scan.rcs[scan.range < NEAR] for scan in recording.scans)])
     change = math.nan if rcs is None or not len(near) else rcs - float(np.median(near))
-    return replace(recording, scans=[replace(scan, rcs=scan.rcs + change) for scan in recording.scans])
+    return replace(recording, scans=[structs.replace(scan, rcs=scan.rcs + change) for scan in recording.scans])
