@@ -148,15 +148,17 @@ def test_what_is_better_by_luck_is_not_surely_better() -> None:
     assert surely_better(before, before) == 0.0
 
 
-def test_a_small_gain_is_not_written() -> None:
+def test_a_small_gain_by_the_last_step_alone_is_not_written() -> None:
     """However sure it is: on other streets it may be a loss. The costs are 1.75 before, 1.65 and 1.5."""
 
-    def tried(found: int) -> Tried:
-        return Tried(f"{found} of 100 found", [], Calibration(), np.tile((100, found, 5, 1000, 500, 10, 1000, 300), (8, 1)).astype(float))
+    def tried(found: int, worth: float = 0.1) -> Tried:
+        counts = np.tile((100, found, 5, 1000, 500, 10, 1000, 300), (8, 1)).astype(float)
+        return Tried(f"{found} of 100 found", [], Calibration(), counts, worth)
 
-    first, small, large = tried(50), tried(60), tried(75)
+    first, small, large, learned = tried(50), tried(60), tried(75), tried(60, worth=0.0)
     np.testing.assert_allclose([one.scores.cost for one in (first, small, large)], (1.75, 1.65, 1.5))
     assert small.better(first) == large.better(first) == 1.0
     assert chosen([first, small]) is first
-    assert chosen([first, small, large]) is large
-    assert chosen([large, small, first]) is large
+    assert chosen([first, small, learned]) is learned
+    assert chosen([first, large, learned]) is large
+    assert chosen([large, small, learned]) is large

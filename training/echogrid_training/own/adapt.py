@@ -37,7 +37,7 @@ from echogrid_training.own.patches import FOLDS, Patch, patches
 from echogrid_training.recording import Track, untracked
 
 SURE = 0.9  # of the draws of stretches in which what is written has to cost less than the model as it was
-WORTH = 0.1  # share of the cost that it has to save: gains of a twentieth on a car's own streets were losses on others (training/LOG.md)
+WORTH = 0.1  # share of the cost that the last step alone has to save: a twentieth on its own streets was a loss on others (training/LOG.md)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -69,7 +69,10 @@ def run(options: argparse.Namespace, track: Track = untracked) -> str:
     notes = {"parent": {"file": parent.path.name, "sha256": parent.sha256}, "drives": hashes(options.drives, options.config)}
     with tempfile.TemporaryDirectory() as temporary:
         before = np.stack([counts(one, start) for one in parts])
-        tried = [Tried("the model as it was", [parent.path], start, before), read_anew("the last step fitted", [parent.path], parts, start)]
+        tried = [
+            Tried("the model as it was", [parent.path], start, before),
+            read_anew("the last step fitted", [parent.path], parts, start, WORTH),
+        ]
         if towns is not None:
             base = shipped(options.model)[-1] if options.model in SHIPPED else parent.path
             files = fine_tuning.tuned(base, *towns, Path(temporary), start, seed=options.seed, epochs=options.epochs, track=track)
@@ -92,6 +95,7 @@ class Tried:
     files: list[Path]
     calibration: Calibration
     counts: Floats  # (S, 8) by stretch
+    worth: float = 0.0  # share of the cost that it has to save
 
     @property
     def scores(self) -> Scores:
@@ -102,16 +106,15 @@ class Tried:
         return surely_better(than.counts, self.counts)
 
 
-def read_anew(what: str, files: list[Path], parts: Sequence[Patch], start: Calibration) -> Tried:
+def read_anew(what: str, files: list[Path], parts: Sequence[Patch], start: Calibration, worth: float = 0.0) -> Tried:
     """With the last step fitted: to all stretches in the file, to the other folds in the figures of each stretch."""
-    return Tried(what, files, fitted(Patch.joined(parts), start), crossed(parts, start))
+    return Tried(what, files, fitted(Patch.joined(parts), start), crossed(parts, start), worth)
 
 
 def chosen(tried: Sequence[Tried]) -> Tried:
-    """What costs least of that which is surely and clearly better than the first; the first where nothing is."""
+    """What costs least of that which is surely better than the first, by as much as it has to be; the first where nothing is."""
     first, *others = tried
-    enough = (1 - WORTH) * first.scores.cost
-    worth = [one for one in others if one.scores.cost <= enough and one.better(first) >= SURE]
+    worth = [one for one in others if one.scores.cost <= (1 - one.worth) * first.scores.cost and one.better(first) >= SURE]
     return min(worth, key=lambda one: one.scores.cost, default=first)
 
 
