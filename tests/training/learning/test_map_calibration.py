@@ -15,9 +15,10 @@ from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.map.look_map import Calibration
 from echogrid_training.drives.drive import write_drive
 from echogrid_training.drives.simulate import simulate
+from echogrid_training.learning import map_calibration
 from echogrid_training.learning.map_calibration import calibrate_map
 from echogrid_training.sensors.episode import paper_like
-from echogrid_training.truth.local_map import local_maps
+from echogrid_training.truth.local_map import LocalMap, local_maps
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +56,19 @@ def test_the_read_out_has_the_greatest_likelihood(drives: list[Path], net: Path)
     found = calibrate_map(drives, net)
     np.testing.assert_allclose((found.learned, found.offset), best.x, atol=2e-3)
     assert unlikely(np.array((found.learned, found.offset))) < 0.98 * unlikely(np.array((1.0, 0.0)))
+
+
+def test_little_evidence_is_evidence_and_what_is_hardly_observable_is_none(monkeypatch: pytest.MonkeyPatch, net: Path) -> None:
+    """Cells of a single look at a surface that others passed; those that are held for observable by just 0.05 would say the contrary."""
+    rng = np.random.default_rng(5)
+    mean, weight = rng.normal(0, 2, (64, 64)), rng.choice([0.05, 0.9], (64, 64), p=[0.3, 0.7]).astype(np.float32)
+    occupied = rng.uniform(size=mean.shape) < 1 / (1 + np.exp(0.4 - 0.7 * mean))
+    truth = np.where(occupied ^ (weight < 0.5), 0.5, -0.5).astype(np.float32)
+    layers = np.stack((mean * weight, weight, *np.zeros((3, 64, 64)))).astype(np.float32)
+    monkeypatch.setattr(map_calibration, "local_maps", lambda drive, model: [LocalMap(layers, truth)])
+    found = calibrate_map([Path("a"), Path("b")], net)
+    assert (found.learned, found.offset) == pytest.approx((0.7, -0.4), abs=0.1)
+    assert (found.learned, found.offset) == (round(found.learned, 4), round(found.offset, 4))
 
 
 def test_without_way_or_drives_the_networks_word_stands(net: Path, tmp_path: Path) -> None:

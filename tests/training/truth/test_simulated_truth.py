@@ -31,7 +31,10 @@ def test_a_turn_is_never_of_the_future(now_ms: int, turn: int) -> None:
         np.testing.assert_allclose(centre, (1.35 + turn, 0.0), atol=1e-6)
 
 
-def test_a_drive_keeps_every_turn(tmp_path: Path) -> None:
+def test_a_drive_keeps_every_turn_and_in_it_the_room(tmp_path: Path) -> None:
+    """Its walls, 28 m and 14 m apart, as they stand around the first pose."""
     truth = load_simulated_truth(room_drive(tmp_path / "drive", track(1.0, speed=2.0)) / "truth.npz")
     np.testing.assert_array_equal(np.diff(truth.lidar.stamp_ns), 100 * MS)
     assert len(truth.lidar.stamp_ns) == 10
+    points = truth.lidar_points(int(truth.lidar.stamp_ns[4]), SE2(0.0, 0.0, 0.0))
+    np.testing.assert_allclose(np.ptp(points, axis=0), (28.0, 14.0), atol=0.2)
