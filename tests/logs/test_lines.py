@@ -71,6 +71,7 @@ ODD_LINES = {
         "   0.25 2  100        Tx   d 1 01 more",
         "   0.25 2  100        Tx   d 1 011",
         "   0.25 2  100        Tx   d 9 01 02 03 04 05 06 07 08",
+        "   0.25 2  100        Tx   d 9 01 02 03 04 05 06 07 08 09",
         "   0.25 2  100        Rx   d 0 ",
         "base hex  timestamps relative",
         "base dec  timestamps absolute",

@@ -179,15 +179,16 @@ def percent(random: Random, size: int) -> list[Any]:
 
 
 def beside(random: Random, size: int) -> list[Any]:
-    return [points(random, size, 9, 1.0), random.random(size) < 0.3, 2.0, np.ones(size, np.bool_)]
+    return [points(random, size, 5, 1.0), random.random(size) < 0.3, 2.0, np.ones(size, np.bool_)]  # many are 2 m apart
 
 
 def common_motion(random: Random, size: int) -> list[Any]:
     """Most rates fit one motion; now and then all are in one direction, where no guess can be made."""
     sizes, bearing = np.array((size // 3, size - size // 3)), random.uniform(-3, 3, size) * random.choice([0.0, 1.0])
     places = np.array(((3.6, 0.8, random.choice([0.0, 16.0])), (-0.8, -0.8, 0.0)))
-    x, y, _ = np.repeat(places, sizes, axis=0).T
+    x, y, interval = np.repeat(places, sizes, axis=0).T
     rate = (y * np.cos(bearing) - x * np.sin(bearing)) * 0.2 - np.cos(bearing) * 7 + random.normal(0, 3, size) * (random.random(size) < 0.4)
+    rate += interval * random.integers(-1, 2, size)
     pairs = random.integers(0, max(size, 1), (2, 12 if size else 0))
     return [np.cos(bearing), np.sin(bearing), rate, sizes, places, *pairs, 0.3, 0.4, np.ones(3), np.ones(size, np.bool_)]
 
