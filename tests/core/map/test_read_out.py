@@ -79,10 +79,11 @@ def test_what_is_not_free_says_more_than_10_percent_when_it_is_rounded_too() -> 
     assert (np.round(100 * p[~free]) > 10).all()
 
 
-def test_unknown_is_0_and_known_never() -> None:
+@pytest.mark.parametrize("value", [1e-3, 2.0])  # 2 has one bit alone
+def test_unknown_is_0_and_known_never(value: float) -> None:
     alone = np.zeros((5, 5, 150), np.float32)
     for layer in range(5):
-        alone[layer, layer, 70 + layer] = 1e-3  # a network that is undecided, a weight without log-odds, and the like
+        alone[layer, layer, 70 + layer] = value  # a network that is undecided, a weight without log-odds, and the like
     assert ((read_out(alone) != 0) == alone.any(axis=0)).all()
 
 
