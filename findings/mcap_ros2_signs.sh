@@ -15,7 +15,8 @@ from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-# builtin_interfaces/Duration: int32 sec, uint32 nanosec. mcap-ros2-support fills it in where a file's schema leaves it out. A char of ROS 2 is a uint8.
+# builtin_interfaces/Duration: int32 sec, uint32 nanosec; mcap-ros2-support fills it in where a file's schema leaves it out.
+# A char of ROS 2 is a uint8.
 text = "builtin_interfaces/Duration age\nchar kind\n"
 whole = f"{text}{'=' * 80}\nMSG: builtin_interfaces/Duration\nint32 sec\nuint32 nanosec\n"
 data = bytes((0, 1, 0, 0)) + struct.pack("<iIB", -1, 500_000_000, 200)  # CDR, little endian: -0.5 s
