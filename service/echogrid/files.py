@@ -37,6 +37,16 @@ def read(path: Path, most: int) -> bytes:
 
 
 @contextmanager
+def named(path: Path) -> Iterator[None]:
+    """An error of the operating system that names no file, as those of writing do not, is said of `path`."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = error.filename or str(path)
+        raise
+
+
+@contextmanager
 def whole(path: Path) -> Iterator[Path]:
     """Another name beside `path` to write to: at the end what is there is on the disk under `path`, or, where it failed, nowhere."""
     partial = path.with_name(f".{path.name}.partial")
@@ -46,5 +56,9 @@ def whole(path: Path) -> Iterator[Path]:
         with partial.open("rb") as file:
             os.fsync(file.fileno())
         partial.replace(path)
+    except OSError as error:
+        error.filename = str(path) if error.filename in (None, str(partial)) else error.filename
+        raise
     finally:
-        partial.unlink(missing_ok=True)
+        for left in ("", "-wal", "-shm"):  # and what SQLite keeps beside a file that it could not close
+            partial.with_name(partial.name + left).unlink(missing_ok=True)

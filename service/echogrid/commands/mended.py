@@ -11,7 +11,7 @@ from echogrid.commands.judged import Report
 from echogrid.config.editing import Path as Keys
 from echogrid.config.editing import edited
 from echogrid.config.tables import Config
-from echogrid.files import read, whole
+from echogrid.files import named, read, whole
 from echogrid.judging.mending import MOTION, POSE
 
 MOST_BYTES = 1 << 20  # of a configuration or profile
@@ -38,13 +38,14 @@ def write_mended(report: Report, source: Path, out: Path) -> None:
             same = sum(stem == profile.stem for stem, _ in written)
             written[kind] = f"{out.stem}_{profile.stem}{same + 1 if same else ''}.toml"
             text = edited(read(profile, MOST_BYTES).decode(), own)
-            (out.parent / written[kind]).write_text(text)
+            with named(out.parent / written[kind]):
+                (out.parent / written[kind]).write_text(text)
         changes[*table, "profile"] = written[kind]
         mender = report.listener.mender
         of = mender.radars[owner] if index is not None else mender.pose if owner == POSE else mender.motion
-        named = None if of is None else of.dbc
-        if configured.dbc is None and named is not None:
-            changes[*table, "dbc"] = relative_to(out.parent, profile.parent / named)
+        described = None if of is None else of.dbc
+        if configured.dbc is None and described is not None:
+            changes[*table, "dbc"] = relative_to(out.parent, profile.parent / described)
     with whole(out) as partial:
         partial.write_text(edited(read(source, MOST_BYTES).decode(), changes))
 

@@ -20,6 +20,7 @@ from echogrid.commands.state_log import StateLog
 from echogrid.core.kernels.dispatch import COMPILED, WHY
 from echogrid.core.mapper import MapUpdate
 from echogrid.core.motion.odometry import EgoState
+from echogrid.files import named
 from echogrid.logs.drive import Truth
 from echogrid.maps.map_files import write_map
 from echogrid.pipeline import Pipeline
@@ -79,12 +80,14 @@ class Recorder:
         """
         self.pipeline.mapper.end_cycle()
         out.mkdir(parents=True, exist_ok=True)
-        digest, written = write_map(out, self.pipeline.mapper.map, self.trajectory) if self.pipeline.health.cycles else (None, [])
+        with named(out):
+            digest, written = write_map(out, self.pipeline.mapper.map, self.trajectory) if self.pipeline.health.cycles else (None, [])
         if self.first_s is not None:
             self.states.look(self.last_s - self.first_s, self.pipeline.state(0))
         summary = self._summary(digest, "map.png" in written, truth) | {"faults": list(faults), "notes": list(notes)}
         summary["files"] = sorted([*written, "summary.json"])
-        (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+        with named(out):
+            (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
         return summary
 
     def _summary(self, digest: str | None, known: bool, truth: Truth | None) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from echogrid.commands.terminal import progress, show_map
 from echogrid.commands.traffic import Traffic
 from echogrid.config.loading import load_config
 from echogrid.errors import EchogridError, NoMapError
+from echogrid.files import named
 from echogrid.logs.drive import Drive, Truth, find_drive, load_truth
 from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
@@ -119,6 +120,8 @@ def replay(
     torn: EchogridError | None = None
     traffic = Traffic(config, pipeline.signals)
     with ExitStack() as opened:
+        if record is not None:
+            opened.enter_context(named(record))
         recording = None if record is None else opened.enter_context(ReplayRecording(record, pipeline))
         keeper: TileKeeper | None = None
         try:

@@ -1,0 +1,43 @@
+"""Files that cannot be written: which one is said, and nothing is left of it."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sqlite3
+from pathlib import Path
+
+import pytest
+from tests.support import world
+
+from echogrid.commands.replay import replay
+from echogrid.files import whole
+from echogrid.logs.drive import find_drive
+
+
+def test_a_file_that_cannot_be_written_is_named_and_nothing_is_left(tmp_path: Path) -> None:
+    path = tmp_path / "a.egmap"
+    with pytest.raises(OSError, match="No space left on device") as full, whole(path) as partial:
+        store = sqlite3.connect(partial)
+        store.execute("PRAGMA journal_mode = WAL")
+        store.execute("CREATE TABLE cells (number)")
+        assert len(list(tmp_path.iterdir())) == 3
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    store.close()
+    assert full.value.filename == str(path)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("failing", ["summary.json", "r.mcap"])
+def test_of_a_replay_too(tmp_path: Path, failing: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Written to where there is never room."""
+    drive = world.write_drive(tmp_path / "drive", world.record(world.straight(6.0), [world.standing([(9.0, 3.0)])], 1.0))
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / failing).symlink_to("/dev/full")
+    record = tmp_path / "out" / failing if failing == "r.mcap" else None
+    if record is not None:  # a recording replaces no file
+        usual = Path.open
+        monkeypatch.setattr(Path, "open", lambda self, mode="r", *more, **named: usual(self, mode.replace("x", "w"), *more, **named))
+    with pytest.raises(OSError, match="No space left on device") as full:
+        replay(find_drive(drive, None), tmp_path / "out", record=record)
+    assert full.value.filename == str(record or tmp_path / "out")
