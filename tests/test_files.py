@@ -8,11 +8,11 @@ import sqlite3
 from pathlib import Path
 
 import pytest
-from tests.support import world
 
 from echogrid.commands.replay import replay
 from echogrid.files import whole
 from echogrid.logs.drive import find_drive
+from tests.support import world
 
 
 def test_a_file_that_cannot_be_written_is_named_and_nothing_is_left(tmp_path: Path) -> None:
