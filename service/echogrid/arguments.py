@@ -56,8 +56,15 @@ class Parser(argparse.ArgumentParser):
             word, known = unknown[1], re.findall(r"[\w.-]+", unknown[2])
         elif unknown := re.search(r"unrecognized arguments: (?:.* )?(--[\w-]+)", message):
             word, known = unknown[1], sorted(self._options())
+        elif unread := re.fullmatch(r"\[Errno \d+\] (.*): ('.*')", message):
+            message = f"{unread[2][1:-1]}: cannot be read: {unread[1]}"
         near = difflib.get_close_matches(word, known, n=1)
         super().error(message + (f"; did you mean '{near[0]}'?" if near else ""))
+
+    def convert_arg_line_to_args(self, arg_line: str) -> list[str]:
+        """Of a line of @LIST.txt: nothing of empty ones and of comments."""
+        line = arg_line.strip()
+        return [line] if line and not line.startswith("#") else []
 
     def format_help(self) -> str:
         program, _, command = self.prog.partition(" ")

@@ -102,6 +102,8 @@ def test_the_smallest_configuration_drives(tmp_path: Path) -> None:
         (('vehicle = "test"', 'map.fusion = "looks"'), "map.fusion: 'looks' found, expected 'sum' for the analytic model"),
         (('vehicle = "test"', 'map.fusion = "mean"'), "map.fusion: 'mean' found, expected 'looks' or 'sum'"),
         (("[motion]", SECOND.replace("front_right", "front_left") + "[motion]"), "radar[1].name: 'front_left' is taken already"),
+        (("y = 0.8", "y = 0.8\nid_offset = 0x500"), "radar[0]: id_offset: 1280 found, which takes 'RadarHeader' to 0x800, expected"),
+        (("y = 0.8", "y = 0.8\nid_offset = -770"), "radar[0]: id_offset: -770 found, which takes 'RadarHeader' to -0x2, expected"),
         (("[motion]", SECOND + "[motion]"), "radar[1]: 'front_right' and 'front_left' both read id 0x300 on bus 'can0'"),
     ],
 )

@@ -33,6 +33,7 @@ from echogrid.core.radar.scan import (
     Unread,
     known_row,
 )
+from echogrid.errors import EchogridError
 
 FrameId = tuple[int, bool]  # arbitration id, extended
 
@@ -300,6 +301,10 @@ class _Layout:
         for kind, message, slot in named:  # a detection message or the header may end the cycle as well: the later role counts
             last = end is not None and message.name == end.name
             frame_id = (message.frame_id + id_offset, message.is_extended_frame)
+            bits = 29 if message.is_extended_frame else 11
+            if not 0 <= frame_id[0] < 1 << bits:
+                found = f"{id_offset} found, which takes '{message.name}' to {frame_id[0]:#x}"
+                raise EchogridError(f"id_offset: {found}, expected one that leaves ids of {bits} bits")
             roles[frame_id] = FrameRole(kind, message.length, slot, last)
         return roles
 
