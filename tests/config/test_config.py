@@ -43,6 +43,7 @@ def test_the_smallest_configuration_drives(tmp_path: Path) -> None:
     ("change", "expected"),
     [
         (("yaw_deg", "yaw_dge"), "radar[0]: unknown key 'yaw_dge'; did you mean 'yaw_deg'?"),
+        (("yaw_deg = 45.0", 'yaw_deg = 45.0\nlearns = "never"'), "radar[0]: unknown key 'learns'; it is one of another table"),
         (('vehicle = "test"', 'vehicle = "test"\nspeed = 3'), "unknown key 'speed'"),
         (("x = 3.6", 'x = "front"'), "radar[0].x: 'front' found, expected a number"),
         (("x = 3.6", "x = 36.0"), "radar[0]: 'front_left' is mounted at x = 36, y = 0.8 m, outside the car"),

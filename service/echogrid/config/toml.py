@@ -67,9 +67,10 @@ def _sentence(message: str, kind: type, document: object) -> str:
         what = f"{_at(document, parts)!r:.60} found, expected {expected}"
     unknown = re.fullmatch(r"Object contains unknown field `(.*)`", what)
     if unknown:
-        name = unknown[1]
-        near = difflib.get_close_matches(name, _all_keys(kind), n=1)
-        what = f"unknown key '{name}'" + (f"; did you mean '{near[0]}'?" if near else "")
+        name, known = unknown[1], _all_keys(kind)
+        near = difflib.get_close_matches(name, known, n=1)
+        guess = "; it is one of another table" if name in known else f"; did you mean '{near[0]}'?" if near else ""
+        what = f"unknown key '{name}'{guess}"
     missing = re.fullmatch(r"Object missing required field `(.*)`", what)
     if missing:
         what = f"the key '{missing[1]}' is missing"
