@@ -265,6 +265,20 @@ def test_an_endpoint_that_cannot_be_listened_on_is_one_sentence(endpoint: str) -
         Publisher(Publish(listen=(endpoint,)), "car", Ros())
 
 
+@pytest.mark.parametrize("kind", [zenoh.ZError, type("PanicException", (BaseException,), {})])
+def test_no_room_for_shared_memory_is_not_the_endpoints_fault(kind: type[BaseException], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Zenoh says it either way: of a /dev/shm that cannot be written, and of one that is full."""
+
+    def opened(_: zenoh.Config) -> None:
+        raise kind("called `Result::unwrap()` on an `Err` value: Unable to create POSIX shm segment: OS error 12 at segment.rs:85")
+
+    monkeypatch.setattr(zenoh, "open", opened)
+    with pytest.raises(
+        EchogridError, match=r"^publish: Zenoh gets no shared memory \(OS error 12\), expected a /dev/shm that"
+    ):
+        Publisher(Publish(), "car", Ros())
+
+
 def test_nobody_to_connect_to_is_no_error(port: int) -> None:
     with Publisher(Publish(listen=(), connect=(f"tcp/127.0.0.1:{port}",)), "car", Ros()) as publisher:
         publisher.put(messages.odometry(EGO))

@@ -67,9 +67,9 @@ def _sentence(message: str, kind: type, document: object) -> str:
         what = f"{_at(document, parts)!r:.60} found, expected {expected}"
     unknown = re.fullmatch(r"Object contains unknown field `(.*)`", what)
     if unknown:
-        name, known = unknown[1], _all_keys(kind)
-        near = difflib.get_close_matches(name, known, n=1)
-        guess = "; it is one of another table" if name in known else f"; did you mean '{near[0]}'?" if near else ""
+        name, keys = unknown[1], _all_keys(kind)
+        near = difflib.get_close_matches(name, keys, n=1)
+        guess = "; it is one of another table" if name in keys else f"; did you mean '{near[0]}'?" if near else ""
         what = f"unknown key '{name}'{guess}"
     missing = re.fullmatch(r"Object missing required field `(.*)`", what)
     if missing:

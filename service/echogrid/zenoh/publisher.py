@@ -51,8 +51,10 @@ class Publisher:
         try:
             opened = zenoh.open(session_config(settings.listen, settings.connect, sends=True, credentials=credentials, access=access))
             self.session = self._open.enter_context(opened)
-        except zenoh.ZError as error:
-            raise EchogridError(_refused(settings, error)) from error
+        except BaseException as error:
+            if isinstance(error, zenoh.ZError) or type(error).__name__ == "PanicException":  # which has no module to be imported from
+                raise EchogridError(_refused(settings, error)) from error
+            raise
         self.gid = hashlib.blake2b(str(self.session.zid()).encode(), digest_size=GID_SIZE).digest()
         self._streams = {
             topic: Stream(self.session, key(vehicle, topic.name), topic, self.gid, versioned=topic.rank > 0) for topic in (*TOPICS, FLEET)
@@ -158,8 +160,12 @@ def _credentials(settings: config.Publish) -> Credentials | None:
     return credentials
 
 
-def _refused(settings: config.Publish, error: zenoh.ZError) -> str:
+def _refused(settings: config.Publish, error: BaseException) -> str:
     """One sentence about the endpoint that is to blame: each is tried alone, for Zenoh does not always say which it was."""
+    if memory := re.search("POSIX shm segment: (OS error [0-9]+)", str(error)):
+        return f"publish: Zenoh gets no shared memory ({memory[1]}), expected a /dev/shm that can be written and has some MiB of room"
+    if not isinstance(error, zenoh.ZError):
+        return f"publish: Zenoh cannot be started: {error}"
     for name, endpoints in (("listen", settings.listen), ("connect", settings.connect)):
         for endpoint in endpoints:
             alone = [(endpoint,) if name == side else () for side in ("listen", "connect")]
