@@ -9,8 +9,11 @@ from pathlib import Path
 import can
 from tests.support import frames
 
-from echogrid.can.signals import SignalReader
+from echogrid.can.intake.frames import FrameBatch
+from echogrid.can.intake.table import UNKNOWN_BUS
+from echogrid.can.signals import SignalReader, bus_of, buses_of
 from echogrid.config.loading import load_config
+from echogrid.config.tables import Bus
 from echogrid.core.health import Health
 
 
@@ -33,3 +36,16 @@ def test_a_text_log_has_the_microseconds_of_the_bus(tmp_path: Path) -> None:
             writer.on_message_received(can.Message(timestamp=timestamp, arbitration_id=0x7FF, is_extended_id=False, channel="can0"))
     live = times_ns(path, (can.Message(timestamp=timestamp) for timestamp in heard))
     assert list(live) == list(times_ns(path, can.LogReader(tmp_path / "can.log")))
+
+
+def test_many_frames_are_of_the_buses_that_each_is_of() -> None:
+    """By all names and numbers that files have; a bus may have any name, as that of what is none."""
+    buses = (Bus(name="None", channel="can1"), Bus(name="-1", channel="can0"), Bus(name="c", channel="can7", log_channel=5))
+    names = [bus.name for bus in buses]
+    channels = [None, "", 0, 1, 2, 5, 6, 7, "can0", "can1", "can5", "can7", "None", "c", "vcan0"]
+    messages = [can.Message(channel=channel) for channel in channels]
+    alone = [bus_of(message, buses) for message in messages]
+    assert set(names) | {None} == set(alone)
+    expected = [UNKNOWN_BUS if bus is None else names.index(bus) for bus in alone]
+    assert buses_of(FrameBatch.of(messages), buses).tolist() == expected
+    assert [buses_of(FrameBatch.of([message]), buses).item() for message in messages] == expected

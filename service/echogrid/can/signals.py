@@ -181,13 +181,12 @@ _place = itemgetter(0)
 
 def buses_of(batch: FrameBatch, buses: tuple[Bus, ...]) -> Integers:
     """(N,) the number of each frame's bus in the configuration, UNKNOWN_BUS where its channel is none of them."""
-    numbers = {bus.name: number for number, bus in enumerate(buses)}
+    numbers: dict[str | None, int] = {None: UNKNOWN_BUS} | {bus.name: number for number, bus in enumerate(buses)}
     channels = batch.channels
     if len(channels) and (channels == channels[0]).all():
-        known = numbers.get(str(bus_of_channel(batch.channel(int(channels[0])), buses)), UNKNOWN_BUS)
-        return np.full(len(channels), known)
+        return np.full(len(channels), numbers[bus_of_channel(batch.channel(int(channels[0])), buses)])
     unique, which = np.unique(channels, return_inverse=True)
-    found = [numbers.get(str(bus_of_channel(batch.channel(number), buses)), UNKNOWN_BUS) for number in unique.tolist()]
+    found = [numbers[bus_of_channel(batch.channel(number), buses)] for number in unique.tolist()]
     return np.array(found, np.int64)[which]
 
 
