@@ -55,7 +55,10 @@ EXAMPLES = {
     "evaluate real": ("evaluate real nuscenes scene-0061.npz --json scores.json --out pictures",),
     "evaluate motion": ("evaluate motion drives/monday drives/tuesday",),
     "evaluate own": ("evaluate own drives/monday drives/tuesday --report worth.html --json worth.json",),
-    "adapt": ("adapt default drives/monday drives/tuesday --out mine.onnx",),
+    "adapt": (
+        "adapt default drives/monday drives/tuesday --simulated towns --out mine.onnx",
+        "adapt default drives/monday --calibrate-only --out mine.onnx",
+    ),
     "report": ("report --nuscenes scenes --radarscenes seq_105.npz --astyx astyx.npz --kitti kitti.npz",),
 }
 FIRST_S = 10.0  # until a line of progress, and between two
