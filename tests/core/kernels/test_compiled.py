@@ -82,17 +82,34 @@ def bilinear(random: Random, size: int) -> list[Any]:
     return [single(random, size % 3 + 1, 12, 12), *footprint(random), np.ones((size % 3 + 1, 20, 20), np.float32)]
 
 
-def nearest(random: Random, _: int) -> list[Any]:
-    return [random.integers(0, 1 << 16, (12, 12)).astype(np.uint16), *footprint(random), np.ones((20, 20), np.uint16)]
+def pieces(random: Random, count: int) -> np.ndarray:
+    """(count, 6) of tiles under a rectangle of 20 x 20 cells."""
+    height, width = random.integers(0, 21, (2, count))
+    return np.stack(
+        (*random.integers(0, SIDE - 20, (2, count)), height, width, random.integers(0, 21 - height), random.integers(0, 21 - width)), axis=1
+    )
 
 
-def note_view(random: Random, size: int) -> list[Any]:
-    bits, radars = (random.integers(0, 4, (size, 7)).astype(np.uint16) for _ in range(2))
-    return [bits, int(random.integers(0, 1 << 32)), radars, random.integers(0, 1 << 32, (size, 7)).astype(np.uint32)]
+def tile_layers(random: Random, count: int) -> list[np.ndarray]:
+    """Of (5, SIDE, SIDE), few of which are worked out: they are many."""
+    return [np.tile(np.abs(single(random, 5, 8, 8)) * 5, (1, SIDE // 8, SIDE // 8)) for _ in range(count)]
 
 
-def add_look(random: Random, size: int) -> list[Any]:
-    return [np.abs(single(random, 2, size, 5)), float(random.choice([1.2, 20.0])), np.abs(single(random, 2, size, 5)) * 7]
+def tile_views(random: Random, count: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Radars and seconds of tiles."""
+    radars = [np.tile(random.integers(0, 9, (8, 8)), (SIDE // 8, SIDE // 8)).astype(np.uint16) for _ in range(count)]
+    return radars, [one.astype(np.uint32) << 28 for one in radars]
+
+
+def note_views(random: Random, size: int) -> list[Any]:
+    count = size % 4
+    bits = (random.integers(0, 1 << 16, (12, 12)) * random.integers(0, 2, (12, 12))).astype(np.uint16)
+    return [bits, *footprint(random), int(random.integers(0, 1 << 32)), pieces(random, count), *tile_views(random, count)]
+
+
+def add_looks(random: Random, size: int) -> list[Any]:
+    count, weight = size % 4, np.abs(single(random, 12, 12))
+    return [np.stack((single(random, 12, 12), weight)), 0.25, *footprint(random), float(random.choice([1.2, 20.0])), pieces(random, count), tile_layers(random, count)]
 
 
 def add_clamped(random: Random, size: int) -> list[Any]:
@@ -135,12 +152,12 @@ def look(random: Random, size: int) -> list[Any]:
 
 
 def add_measured(random: Random, size: int) -> list[Any]:
-    cells = random.permutation(SIDE * SIDE)[:size].astype(np.int32)
-    flags = random.random((2, size)) < 0.2
-    who = random.integers(0, 4, size).astype(np.uint16)
-    more, layers = np.abs(single(random, 3, size)), np.abs(single(random, 5, SIDE, SIDE)) * 9
-    radars, seen = random.integers(0, 4, (SIDE, SIDE)).astype(np.uint16), np.zeros((SIDE, SIDE), np.uint32)
-    return [cells, *more, *flags, who, 1_700_000_000, 10.0, 60.0, layers[2:], radars, seen]
+    count = size % 3 + 1
+    begins = np.sort(np.append(random.integers(0, size + 1, count - 1), (0, size)))
+    cells = np.concatenate([random.permutation(SIDE * SIDE)[:some] for some in np.diff(begins)]).astype(np.int32)
+    flags, who = random.random((2, size)) < 0.2, random.integers(0, 4, size).astype(np.uint16)
+    more, tiles = np.abs(single(random, 3, size)), (tile_layers(random, count), *tile_views(random, count))
+    return [begins, cells, *more, *flags, who, 1_700_000_000, 10.0, 60.0, *tiles]
 
 
 def usual(random: Random, size: int) -> list[Any]:
@@ -224,7 +241,7 @@ def quantities(random: Random, size: int) -> list[Any]:
 CASES: dict[str, Callable[[Random, int], list[Any]]] = {
     case.__name__: case
     for case in (
-        *(moved, draw_now, draw_past, draw_passes, draw_looks, bilinear, nearest, note_view, add_look, add_clamped, elfes, look),
+        *(moved, draw_now, draw_past, draw_passes, draw_looks, bilinear, note_views, add_looks, add_clamped, elfes, look),
         *(add_measured, usual, fold, odds, beside, common_motion, signals, quantities, read_out, percent),
     )
 }
@@ -244,9 +261,9 @@ def test_the_same_bits_as_numpy(name: str, seed: int, size: int) -> None:
     if name == "look":
         found, expected = ordered(found), ordered(expected)
     for one, other in zip(found, expected, strict=True):
-        if isinstance(one, np.ndarray):
-            assert one.dtype == other.dtype
-            np.testing.assert_array_equal(one, other)
+        for mine, its in zip(one, other, strict=True) if isinstance(one, list) else ((one, other),):
+            assert np.asarray(mine).dtype == np.asarray(its).dtype
+            np.testing.assert_array_equal(mine, its)
 
 
 @pytest.mark.parametrize("size", [254, 255, 256, 300])
@@ -302,7 +319,12 @@ def test_every_loop_is_compared() -> None:
         ("moved", 0, np.zeros((5, 4))[:, ::2]),
         ("moved", 5, np.zeros((4, 2))),
         ("draw_now", 6, np.zeros((3, 16, 8), np.uint8)),
-        ("add_measured", 0, np.full(5, SIDE * SIDE, np.int32)),
+        ("add_measured", 1, np.full(5, SIDE * SIDE, np.int32)),
+        ("add_measured", 0, np.array([0, 2, 1, 5])),
+        ("add_measured", 11, [np.zeros((4, SIDE, SIDE), np.float32)] * 3),
+        ("add_looks", 7, np.array([[0, 0, 10, 10, 11, 0]])),
+        ("note_views", 7, np.array([[SIDE - 4, 0, 5, 5, 0, 0]])),
+        ("note_views", 8, np.zeros((1, SIDE, SIDE), np.uint16)),
         ("look", 13, np.zeros(7, np.float32)),
     ],
 )

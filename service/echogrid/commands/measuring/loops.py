@@ -67,12 +67,17 @@ def turned(name: str, calls: Sequence[Sequence[Any]], modules: Sequence[ModuleTy
         for loops, spent in zip(modules, times, strict=True):
             total = 0.0
             for arguments in calls:
-                own = [value.copy() if isinstance(value, np.ndarray) else value for value in arguments]
+                own = copied(arguments)
                 begun = time.thread_time()
                 getattr(loops, name)(*own)
                 total += time.thread_time() - begun
             spent.append(total / len(calls))
     return times
+
+
+def copied(arguments: Sequence[Any]) -> list[Any]:
+    """With arrays of their own, also in lists."""
+    return [copied(each) if isinstance(each, list) else each.copy() if isinstance(each, np.ndarray) else each for each in arguments]
 
 
 def seen(drive: Drive, models: Sequence[str] = MODELS, sample: Sample = SAMPLE) -> Calls:
@@ -101,7 +106,7 @@ def noted(calls: Calls, sample: Sample) -> Iterator[None]:
         def run(*arguments: Any) -> None:
             counts[name] = counts.get(name, 0) + 1
             if counts[name] > sample.first and counts[name] % sample.every == 0 and len(calls.get(name, ())) < sample.some:
-                calls.setdefault(name, []).append([value.copy() if isinstance(value, np.ndarray) else value for value in arguments])
+                calls.setdefault(name, []).append(copied(arguments))
             work(*arguments)
 
         return run
@@ -118,19 +123,7 @@ def noted(calls: Calls, sample: Sample) -> Iterator[None]:
 # Of the update, not the readers' of recordings, nor `identify`, which is called once a batch.
 NAMES = frozenset(
     (
-        *("moved", "draw_now", "draw_past", "draw_passes", "draw_looks", "bilinear", "nearest", "note_view", "add_look", "add_clamped"),
-        *(
-            "elfes",
-            "look",
-            "add_measured",
-            "usual",
-            "assemble",
-            "fold",
-            "odds",
-            "beside",
-            "common_motion",
-            "read_out",
-            "percent",
-        ),
+        *("moved", "draw_now", "draw_past", "draw_passes", "draw_looks", "bilinear", "add_clamped", "note_views", "add_looks", "elfes"),
+        *("look", "add_measured", "usual", "assemble", "fold", "odds", "beside", "common_motion", "read_out", "percent"),
     )
 )

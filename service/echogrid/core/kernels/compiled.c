@@ -13,19 +13,32 @@
 #include <string.h>
 
 #define MOST 24
+#define MOST_LISTS 3
 #define SIDE 128 /* cells along a tile's side */
 #define LITTLE (__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__)
+
+typedef struct {
+    Py_buffer *array;
+    Py_ssize_t count;
+} List;
 
 typedef struct {
     Py_buffer array[MOST];
     int arrays;
     double number[MOST];
     int numbers;
+    List list[MOST_LISTS];
+    int lists;
 } Given;
 
 static void drop(Given *given) {
     while (given->arrays)
         PyBuffer_Release(&given->array[--given->arrays]);
+    while (given->lists) {
+        List *list = &given->list[--given->lists];
+        while (list->count) PyBuffer_Release(&list->array[--list->count]);
+        free(list->array);
+    }
 }
 
 /* Size of an element whose format's last letter fits the kind; 0 where it does not. */
@@ -44,12 +57,40 @@ static Py_ssize_t fitting(char kind, const char *format) {
     }
 }
 
-/* `spec`: for each argument "x" for a number, or the kind and dimensions of an array, "!" after one that is written. */
+/* An array of a kind and so many dimensions, without gaps in a row. */
+static int take_array(Py_buffer *array, PyObject *object, Py_ssize_t at, char kind, int dimensions, int written) {
+    if (PyObject_GetBuffer(object, array, PyBUF_FORMAT | PyBUF_STRIDES | (written ? PyBUF_WRITABLE : 0))) return 0;
+    int gaps = array->ndim > 0 && array->shape[array->ndim - 1] > 1 && array->strides[array->ndim - 1] != array->itemsize;
+    if (array->ndim == dimensions && fitting(kind, array->format) == array->itemsize && !gaps) return 1;
+    PyErr_Format(PyExc_TypeError, "argument %zd: expected %d dimensions of '%c' without gaps in a row, found %d of '%s'", at + 1, dimensions, kind,
+                 array->ndim, array->format ? array->format : "B");
+    PyBuffer_Release(array);
+    return 0;
+}
+
+static int take_list(List *list, PyObject *object, Py_ssize_t at, char kind, int dimensions, int written) {
+    Py_ssize_t count = PyList_Check(object) ? PyList_Size(object) : -1;
+    list->count = 0;
+    list->array = malloc((count > 0 ? count : 1) * sizeof *list->array);
+    if (list->array == NULL) {
+        PyErr_NoMemory();
+        return 0;
+    }
+    if (count < 0) PyErr_Format(PyExc_TypeError, "argument %zd: expected a list of arrays", at + 1);
+    while (list->count < count && take_array(&list->array[list->count], PyList_GetItem(object, list->count), at, kind, dimensions, written)) list->count++;
+    return list->count == count;
+}
+
+/* `spec`: for each argument "x" for a number, or the kind and dimensions of an array, "!" after one that is written, "*" before a list of such. */
 static int take(Given *given, const char *spec, PyObject *const *arguments, Py_ssize_t count) {
-    given->arrays = given->numbers = 0;
-    Py_ssize_t at = 0;
+    given->arrays = given->numbers = given->lists = 0;
+    Py_ssize_t at = 0, expected = 0;
+    for (const char *s = spec; *s; s++) expected += *s == 'x' || (*s >= '0' && *s <= '9');
+    if (count != expected) {
+        PyErr_Format(PyExc_TypeError, "%zd arguments do not fit '%s'", count, spec);
+        return 0;
+    }
     for (const char *s = spec; *s; at++) {
-        if (at >= count) break;
         if (*s == 'x') {
             double number = PyFloat_AsDouble(arguments[at]);
             if (number == -1.0 && PyErr_Occurred()) goto wrong;
@@ -57,29 +98,17 @@ static int take(Given *given, const char *spec, PyObject *const *arguments, Py_s
             s++;
             continue;
         }
+        int several = *s == '*';
+        s += several;
         char kind = *s++;
         int dimensions = *s++ - '0', written = *s == '!';
         s += written;
-        Py_buffer *array = &given->array[given->arrays];
-        if (PyObject_GetBuffer(arguments[at], array, PyBUF_FORMAT | PyBUF_STRIDES | (written ? PyBUF_WRITABLE : 0))) goto wrong;
-        given->arrays++;
-        int gaps = array->ndim > 0 && array->shape[array->ndim - 1] > 1 && array->strides[array->ndim - 1] != array->itemsize;
-        if (array->ndim != dimensions || fitting(kind, array->format) != array->itemsize || gaps) {
-            PyErr_Format(PyExc_TypeError, "argument %zd: expected %d dimensions of '%c' without gaps in a row, found %d of '%s'", at + 1,
-                         dimensions, kind, array->ndim, array->format ? array->format : "B");
-            goto wrong;
-        }
+        if (several) {
+            if (!take_list(&given->list[given->lists++], arguments[at], at, kind, dimensions, written)) goto wrong;
+        } else if (take_array(&given->array[given->arrays], arguments[at], at, kind, dimensions, written)) given->arrays++;
+        else goto wrong;
     }
-    if (at == count) {
-        const char *rest = spec;
-        Py_ssize_t expected = 0;
-        for (; *rest; expected++) {
-            rest += *rest == 'x' ? 1 : 2;
-            rest += *rest == '!';
-        }
-        if (expected == count) return 1;
-    }
-    PyErr_Format(PyExc_TypeError, "%zd arguments do not fit '%s'", count, spec);
+    return 1;
 wrong:
     drop(given);
     return 0;
@@ -325,140 +354,6 @@ KERNEL(draw_looks) {
     return done(&given);
 }
 
-/* Where a row of map cells lies in the patch with its border of one zero cell: the cell to the lower left, -1 outside, and how far on from
- * its centre. */
-WIDE static void place_row(const float *dx, Py_ssize_t width, float dy, float c, float s, float shift, int32_t cells, int32_t *flat, float *fu,
-                           float *fv) {
-    float limit = (float)(cells + 1), sine = s * dy, cosine = c * dy;
-    for (Py_ssize_t j = 0; j < width; j++) {
-        float u = c * dx[j] + sine + shift, v = cosine - s * dx[j] + shift;
-        int32_t column = (int32_t)u, row = (int32_t)v;
-        int inside = (u >= 0) & (v >= 0) & (u < limit) & (v < limit);
-        flat[j] = inside ? row * (cells + 2) + column : -1;
-        fu[j] = u - (float)column;
-        fv[j] = v - (float)row;
-    }
-}
-
-KERNEL(bilinear) {
-    TAKE("f3f1f1xxxf3!");
-    Py_ssize_t planes = LENGTH(0, 0), cells = LENGTH(0, 1), width = LENGTH(1, 0), height = LENGTH(2, 0), across = cells + 2;
-    if (!sized(&given, LENGTH(0, 2) == cells && LENGTH(3, 0) == planes && LENGTH(3, 1) == height && LENGTH(3, 2) == width)) return NULL;
-    const float *dx = ARRAY(1)->buf, *dy = ARRAY(2)->buf;
-    float c = (float)given.number[0], s = (float)given.number[1], shift = (float)given.number[2];
-    float *padded = calloc(planes * across * across, sizeof *padded), *fu = malloc(3 * width * sizeof *fu + 1), *fv = fu + width;
-    int32_t *flat = (int32_t *)(fv + width);
-    if (padded == NULL || fu == NULL) {
-        free(padded);
-        free(fu);
-        drop(&given);
-        return PyErr_NoMemory();
-    }
-    Py_BEGIN_ALLOW_THREADS;
-    for (Py_ssize_t p = 0; p < planes; p++)
-        for (Py_ssize_t i = 0; i < cells; i++)
-            memcpy(padded + (p * across + i + 1) * across + 1, ROW3(float, 0, p, i), cells * sizeof *padded);
-    for (Py_ssize_t i = 0; i < height; i++) {
-        place_row(dx, width, dy[i], c, s, shift, (int32_t)cells, flat, fu, fv);
-        for (Py_ssize_t p = 0; p < planes; p++) {
-            const float *plane = padded + p * across * across;
-            float *out = ROW3(float, 3, p, i);
-            for (Py_ssize_t j = 0; j < width; j++) {
-                out[j] = 0;
-                if (flat[j] < 0) continue;
-                const float *lower = plane + flat[j], *upper = lower + across;
-                float below = lower[0] * (1 - fu[j]) + lower[1] * fu[j], above = upper[0] * (1 - fu[j]) + upper[1] * fu[j];
-                out[j] = below * (1 - fv[j]) + above * fv[j];
-            }
-        }
-    }
-    Py_END_ALLOW_THREADS;
-    free(padded);
-    free(fu);
-    return done(&given);
-}
-
-KERNEL(nearest) {
-    TAKE("H2f1f1xxxH2!");
-    Py_ssize_t cells = LENGTH(0, 0), width = LENGTH(1, 0), height = LENGTH(2, 0), across = cells + 2;
-    if (!sized(&given, LENGTH(0, 1) == cells && LENGTH(3, 0) == height && LENGTH(3, 1) == width)) return NULL;
-    const float *dx = ARRAY(1)->buf, *dy = ARRAY(2)->buf;
-    float c = (float)given.number[0], s = (float)given.number[1], shift = (float)given.number[2];
-    uint16_t *padded = calloc(across * across, sizeof *padded);
-    float *fu = malloc(3 * width * sizeof *fu + 1), *fv = fu + width;
-    int32_t *flat = (int32_t *)(fv + width);
-    if (padded == NULL || fu == NULL) {
-        free(padded);
-        free(fu);
-        drop(&given);
-        return PyErr_NoMemory();
-    }
-    for (Py_ssize_t i = 0; i < cells; i++) memcpy(padded + (i + 1) * across + 1, ROW(uint16_t, 0, i), cells * sizeof *padded);
-    for (Py_ssize_t i = 0; i < height; i++) {
-        uint16_t *out = ROW(uint16_t, 3, i);
-        place_row(dx, width, dy[i], c, s, shift, (int32_t)cells, flat, fu, fv);
-        for (Py_ssize_t j = 0; j < width; j++)
-            out[j] = flat[j] < 0 ? 0 : padded[flat[j] + (fu[j] >= 0.5f) + (fv[j] >= 0.5f ? across : 0)];
-    }
-    free(padded);
-    free(fu);
-    return done(&given);
-}
-
-KERNEL(note_view) {
-    TAKE("H2xH2!I2!");
-    Py_ssize_t height = LENGTH(0, 0), width = LENGTH(0, 1);
-    if (!sized(&given, LENGTH(1, 0) == height && LENGTH(1, 1) == width && LENGTH(2, 0) == height && LENGTH(2, 1) == width)) return NULL;
-    uint32_t now = (uint32_t)given.number[0];
-    for (Py_ssize_t i = 0; i < height; i++) {
-        const uint16_t *bits = ROW(uint16_t, 0, i);
-        uint16_t *radars = ROW(uint16_t, 1, i);
-        uint32_t *seen = ROW(uint32_t, 2, i);
-        for (Py_ssize_t j = 0; j < width; j++) {
-            radars[j] |= bits[j];
-            seen[j] = bits[j] ? now : seen[j];
-        }
-    }
-    return done(&given);
-}
-
-KERNEL(add_look) {
-    TAKE("f3xf3!");
-    Py_ssize_t height = LENGTH(0, 1), width = LENGTH(0, 2);
-    if (!sized(&given, LENGTH(0, 0) == 2 && LENGTH(1, 0) == 2 && LENGTH(1, 1) == height && LENGTH(1, 2) == width)) return NULL;
-    float most = (float)given.number[0];
-    for (Py_ssize_t i = 0; i < height; i++) {
-        const float *more = ROW3(float, 0, 0, i), *heavier = ROW3(float, 0, 1, i);
-        float *total = ROW3(float, 1, 0, i), *weight = ROW3(float, 1, 1, i);
-        for (Py_ssize_t j = 0; j < width; j++) {
-            float w = weight[j] + heavier[j], sum = total[j] + more[j];
-            float kept = most / (w > 1 ? w : 1);
-            kept = kept < 1 ? kept : 1;
-            total[j] = sum * kept;
-            weight[j] = w * kept;
-        }
-    }
-    return done(&given);
-}
-
-KERNEL(add_clamped) {
-    TAKE("f2xxf2!");
-    Py_ssize_t height = LENGTH(0, 0), width = LENGTH(0, 1);
-    if (!sized(&given, LENGTH(1, 0) == height && LENGTH(1, 1) == width)) return NULL;
-    float clamp = (float)given.number[0], least = (float)given.number[1];
-    for (Py_ssize_t i = 0; i < height; i++) {
-        const float *added = ROW(float, 0, i);
-        float *layer = ROW(float, 1, i);
-        for (Py_ssize_t j = 0; j < width; j++) {
-            float total = layer[j] + added[j];
-            total = total < -clamp ? -clamp : total;
-            total = total > clamp ? clamp : total;
-            layer[j] = added[j] != 0 && total == 0 ? least : total;
-        }
-    }
-    return done(&given);
-}
-
 typedef struct {
     int64_t row, column, size; /* of the first cell in the map, and along a side */
     double cell, inverse, shift; /* of points, before they are divided into cells */
@@ -679,48 +574,6 @@ KERNEL(look) {
     free(mine);
     free(way);
     free(list);
-    return done(&given);
-}
-
-KERNEL(add_measured) {
-    TAKE("i1f1f1f1B1B1H1xxxf3!H2!I2!");
-    Py_ssize_t size = LENGTH(0, 0);
-    int fits = LENGTH(7, 0) == 3 && LENGTH(7, 1) == SIDE && LENGTH(7, 2) == SIDE && LENGTH(8, 0) == SIDE && LENGTH(8, 1) == SIDE &&
-               LENGTH(9, 0) == SIDE && LENGTH(9, 1) == SIDE && ARRAY(7)->strides[1] == 4 * SIDE && ARRAY(8)->strides[0] == 2 * SIDE &&
-               ARRAY(9)->strides[0] == 4 * SIDE;
-    for (int n = 1; n < 7; n++) fits &= LENGTH(n, 0) == size;
-    const int32_t *cells = ARRAY(0)->buf;
-    for (Py_ssize_t n = 0; fits && n < size; n++) fits = cells[n] >= 0 && cells[n] < SIDE * SIDE;
-    if (!sized(&given, fits)) return NULL;
-    const float *hits = ARRAY(1)->buf, *near = ARRAY(2)->buf, *passes = ARRAY(3)->buf;
-    const uint8_t *arrived = ARRAY(4)->buf, *left = ARRAY(5)->buf;
-    const uint16_t *who = ARRAY(6)->buf;
-    float gone = (float)given.number[1], most = (float)given.number[2];
-    float *hit = ROW3(float, 7, 0, 0), *beside = ROW3(float, 7, 1, 0), *passed = ROW3(float, 7, 2, 0);
-    uint16_t *radars = ARRAY(8)->buf;
-    uint32_t *seen = ARRAY(9)->buf;
-    for (Py_ssize_t n = 0; n < size; n++) {
-        int32_t at = cells[n];
-        if (who[n]) {
-            radars[at] |= who[n];
-            seen[at] = (uint32_t)given.number[0];
-        }
-        if (arrived[n]) passed[at] = 0;
-        if (left[n]) {
-            hit[at] = beside[at] = 0;
-            passed[at] = passed[at] > gone ? passed[at] : gone;
-        }
-        hit[at] += hits[n];
-        beside[at] += near[n];
-        passed[at] += passes[n];
-        float total = hit[at] + passed[at];
-        if (total > most) {
-            float kept = most / total;
-            hit[at] *= kept;
-            beside[at] *= kept;
-            passed[at] *= kept;
-        }
-    }
     return done(&given);
 }
 
@@ -1160,14 +1013,15 @@ KERNEL(common_motion) {
     return done(&given);
 }
 
+#include "tiles.h"
 #include "lines.h"
 #include "intake.h"
 #include "scans.h"
 
 #define ENTRY(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, "As reference." #name "."}
 static PyMethodDef methods[] = {
-    ENTRY(moved),     ENTRY(draw_now),  ENTRY(draw_past), ENTRY(draw_passes), ENTRY(draw_looks),   ENTRY(bilinear), ENTRY(nearest),
-    ENTRY(note_view), ENTRY(add_look),  ENTRY(add_clamped), ENTRY(elfes),     ENTRY(look),         ENTRY(add_measured), ENTRY(usual),
+    ENTRY(moved),     ENTRY(draw_now),  ENTRY(draw_past), ENTRY(draw_passes), ENTRY(draw_looks),   ENTRY(bilinear), ENTRY(add_clamped),
+    ENTRY(note_views), ENTRY(add_looks), ENTRY(elfes),    ENTRY(look),        ENTRY(add_measured), ENTRY(usual),
     ENTRY(signals),   ENTRY(quantities), ENTRY(fold), ENTRY(odds), ENTRY(beside), ENTRY(common_motion),
     ENTRY(read_out),  ENTRY(percent),
     ENTRY(candump_lines), ENTRY(asc_lines), ENTRY(trc_lines), ENTRY(csv_lines), ENTRY(blf_objects), ENTRY(assemble), ENTRY(identify), ENTRY(can_frames),

@@ -8,7 +8,6 @@ quotients, roots and comparisons are made here, whose bits are the same on every
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from echogrid.core.kernels.answers import fold as fold
 from echogrid.core.kernels.answers import odds as odds
@@ -27,7 +26,6 @@ from echogrid.core.kernels.cells import (
     largest,
     once,
     patch_cells,
-    places,
     spread,
     window_cells,
 )
@@ -43,6 +41,11 @@ from echogrid.core.kernels.lines import trc_lines as trc_lines
 from echogrid.core.kernels.reading import percent as percent
 from echogrid.core.kernels.reading import read_out as read_out
 from echogrid.core.kernels.scans import assemble as assemble
+from echogrid.core.kernels.tiles import add_clamped as add_clamped
+from echogrid.core.kernels.tiles import add_looks as add_looks
+from echogrid.core.kernels.tiles import add_measured as add_measured
+from echogrid.core.kernels.tiles import bilinear as bilinear
+from echogrid.core.kernels.tiles import note_views as note_views
 
 
 def moved(points: Floats, x: float, y: float, cos: float, sin: float, out: Floats) -> None:
@@ -112,41 +115,6 @@ def draw_looks(scans: Singles, middle: Singles, table: Bytes, out: Bytes) -> Non
         seen &= (dx * cos)[:, None, :] + (dy * sin)[:, :, None] >= distance * least[..., None]
         counts += seen.sum(axis=0)
     spread(table[np.minimum(counts, 255)], len(out) // blocks, out)
-
-
-def bilinear(planes: Singles, dx: Singles, dy: Singles, cos: float, sin: float, shift: float, out: Singles) -> None:
-    """Planes (P, H, W) of a patch on map cells (P, height, width), which lie dx (width,) and dy (height,) cells from the car that is turned
-    by that cosine and sine; 0 outside. `shift`: cells from the middle to the patch with a border of one zero cell."""
-    flat, fu, fv, outside, across = places(planes.shape[1], dx, dy, cos, sin, shift)
-    for plane, values in zip(out, np.pad(planes, ((0, 0), (1, 1), (1, 1))).reshape(len(planes), -1), strict=True):
-        below = values[flat] * (1 - fu) + values[flat + 1] * fu
-        above = values[flat + across] * (1 - fu) + values[flat + across + 1] * fu
-        plane[:] = np.where(outside, np.float32(0), below * (1 - fv) + above * fv)
-
-
-def nearest(bits: Bits, dx: Singles, dy: Singles, cos: float, sin: float, shift: float, out: Bits) -> None:
-    """Bits (H, W) of a patch on map cells as in `bilinear`: those of the cell whose centre is nearest."""
-    flat, fu, fv, outside, across = places(len(bits), dx, dy, cos, sin, shift)
-    out[:] = np.pad(bits, 1).reshape(-1)[flat + (fu >= 0.5) + np.where(fv >= 0.5, across, 0)]
-    out[outside] = 0
-
-
-def note_view(bits: Bits, now_s: int, radars: Bits, seen_s: NDArray[np.uint32]) -> None:
-    """Adds bits (H, W) to a tile's radars; cells with any were seen now."""
-    radars |= bits
-    seen_s[bits != 0] = now_s
-
-
-def add_look(more: Singles, most: float, total: Singles) -> None:
-    """Adds (2, H, W) sums and their weights to a tile's, and shrinks both where the weight exceeds `most`."""
-    total += more
-    total *= np.minimum(1.0, most / np.maximum(total[1], 1.0))
-
-
-def add_clamped(added: Singles, clamp: float, least: float, layer: Singles) -> None:
-    """Adds (H, W) to a layer within +-clamp; where they cancel it keeps `least`, since 0 is for what was never seen."""
-    total = np.clip(layer + added, -clamp, clamp)
-    layer[:] = np.where((added != 0) & (total == 0), np.float32(least), total)
 
 
 def elfes(
@@ -247,39 +215,6 @@ def look(
     touched = touched[order]
     for out, values in ((hits, more), (near, beside), (passes, fresh), (who, by)):
         out[: len(touched)] = values[touched]
-
-
-def add_measured(
-    cells: Places,
-    hits: Singles,
-    near: Singles,
-    passes: Singles,
-    arrived: Mask,
-    left: Mask,
-    who: Bits,
-    now_s: int,
-    gone: float,
-    most: float,
-    layers: Singles,
-    radars: Bits,
-    seen_s: NDArray[np.uint32],
-) -> None:
-    """Adds looks (K,) to the hits, near and passes of a tile's different flat cells (K,): layers (3, SIDE, SIDE).
-
-    Passes before do not hold where something `arrived`; where it `left` hits do not, and `gone` looks have passed there. What exceeds
-    `most` looks fades. Radars `who` are noted in `radars` and `seen_s`.
-    """
-    noted, bits = cells[who != 0], who[who != 0]
-    radars.reshape(-1)[noted] |= bits
-    seen_s.reshape(-1)[noted] = now_s
-    flat = layers.reshape(3, -1)
-    hit, beside, passed = flat[:, cells]
-    passed[arrived] = 0
-    hit[left] = beside[left] = 0
-    passed[left] = np.maximum(passed[left], np.float32(gone))
-    found = np.stack((hit + hits, beside + near, passed + passes))
-    found *= np.minimum(1.0, most / np.maximum(found[0] + found[2], 1.0))
-    flat[:, cells] = found
 
 
 def usual(

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.kernels.dispatch import loops
@@ -21,11 +20,7 @@ class Footprint:
 
     row: int
     column: int
-    _dx: Layers  # (W,) cells from the car to the map's cells, along odom's x
-    _dy: Layers  # (H,) along its y
-    _cos: float
-    _sin: float
-    _shift: float  # cells from the car to the first cell of the patch with a border of one zero cell, to the cells' centres
+    lies: tuple[Layers, Layers, float, float, float]  # as the loops have it, see kernels/tiles.py: dx (W,), dy (H,), cosine, sine, shift
 
     @staticmethod
     def of(odom_from_base: SE2, spec: GridSpec) -> Footprint:
@@ -39,21 +34,15 @@ class Footprint:
         # From the car, in cells: small enough for float32, which halves the time.
         dx = (((column + centres) * cell - odom_from_base.x) / cell).astype(np.float32)
         dy = (((row + centres) * cell - odom_from_base.y) / cell).astype(np.float32)
-        return Footprint(row, column, dx, dy, cos, sin, half / cell + 0.5)
+        return Footprint(row, column, (dx, dy, cos, sin, half / cell + 0.5))
 
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns of the map's cells."""
-        return len(self._dy), len(self._dx)
+        return len(self.lies[1]), len(self.lies[0])
 
     def bilinear(self, planes: Layers) -> Layers:
         """Planes (P, H, W) of the patch on the map's cells, (P, height, width)."""
         out = np.empty((len(planes), *self.shape), dtype=np.float32)
-        loops.bilinear(np.ascontiguousarray(planes, dtype=np.float32), self._dx, self._dy, self._cos, self._sin, self._shift, out)
-        return out
-
-    def nearest(self, bits: NDArray[np.uint16]) -> NDArray[np.uint16]:
-        """Bits (H, W) of the patch on the map's cells, (height, width): those of the cell whose centre is nearest."""
-        out = np.empty(self.shape, dtype=np.uint16)
-        loops.nearest(bits, self._dx, self._dy, self._cos, self._sin, self._shift, out)
+        loops.bilinear(np.ascontiguousarray(planes, dtype=np.float32), *self.lies, out)
         return out

@@ -76,8 +76,7 @@ class LookMap(TiledMap):
             self._add(self._measurement.look(beams), view.stamp_ns)
             return
         seconds = (view.stamp_ns - self.stamp_ns) * 1e-9
-        for _ in self._under(Footprint.of(odom_from_base, self.spec), view):
-            pass  # in view, and compared with what is usual
+        self._changing(Footprint.of(odom_from_base, self.spec), view)  # in view, and compared with what is usual
         self._add(self._measurement.stand(beams, seconds), view.stamp_ns)
 
     def integrate(self, said: Image, odom_from_base: SE2, view: View | None = None) -> None:
@@ -85,16 +84,9 @@ class LookMap(TiledMap):
 
         An update is 1 / UPDATES of a look, so that a slow car's looks count no more than a fast one's.
         """
-        log_odds, weight = said
-        share = np.float32(1 / UPDATES)
-        planes = np.empty((2, *weight.shape), dtype=np.float32)
-        np.multiply(log_odds, weight, out=planes[0])
-        planes[0] *= share
-        np.multiply(weight, share, out=planes[1])
         footprint = Footprint.of(odom_from_base, self.spec)
-        patch = footprint.bilinear(planes)
-        for layers, inside, piece in self._under(footprint, view):
-            loops.add_look(patch[:, *piece], MOST_LOOKS, layers[:2, *inside])
+        under, tiles = self._changing(footprint, view)
+        loops.add_looks(said, 1 / UPDATES, *footprint.lies, MOST_LOOKS, under, [tile.layers for tile in tiles])
 
     def read(self, layers: Layers) -> LogOdds:
         """What was learned and what was measured together, as docs/fusion.md says."""
@@ -112,21 +104,21 @@ class LookMap(TiledMap):
 
     def _add(self, change: Change, stamp_ns: int) -> None:
         self.stamp_ns = stamp_ns
-        now_s = self._now_s()
-        for key, some in change.tiles():
-            tile = self._changed(key)
-            loops.add_measured(
-                change.inside[some],
-                change.hits[some],
-                change.near[some],
-                change.passes[some],
-                change.arrived[some],
-                change.left[some],
-                change.radars[some],
-                now_s,
-                GONE,
-                MOST_MEASURED,
-                tile.layers[2:],
-                tile.radars,
-                tile.seen_s,
-            )
+        begins, keys = change.touched()
+        tiles = self._changed(keys)
+        loops.add_measured(
+            begins,
+            change.inside,
+            change.hits,
+            change.near,
+            change.passes,
+            change.arrived,
+            change.left,
+            change.radars,
+            self._now_s(),
+            GONE,
+            MOST_MEASURED,
+            [tile.layers for tile in tiles],
+            [tile.radars for tile in tiles],
+            [tile.seen_s for tile in tiles],
+        )

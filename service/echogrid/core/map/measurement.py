@@ -6,7 +6,6 @@ Within a look each cell counts once: as passed, if a beam went through it; as hi
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,11 +41,11 @@ class Change:
     left: NDArray[np.bool_]  # nor what was hit
     radars: NDArray[np.uint16]  # bits of those that touched a cell
 
-    def tiles(self) -> Iterator[tuple[TileKey, slice]]:
-        """The tiles with such cells, and which they are."""
-        for key, begin, end in zip(tiles_under(self.window), self.begins[:-1].tolist(), self.begins[1:].tolist(), strict=True):
-            if begin < end:
-                yield key, slice(begin, end)
+    def touched(self) -> tuple[Cells, list[TileKey]]:
+        """The tiles with such cells, and where in the arrays each one's begin (T + 1,)."""
+        which = np.flatnonzero(np.diff(self.begins))
+        under = tiles_under(self.window)
+        return self.begins[np.append(which, len(under))], [under[n] for n in which.tolist()]
 
 
 def tiles_under(window: Window) -> list[TileKey]:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from echogrid.core.evidence.raster import GridSpec, Image
 from echogrid.core.kernels.dispatch import loops
+from echogrid.core.kernels.tiles import parts
 from echogrid.core.map.footprint import Footprint
 from echogrid.core.map.tile import Layers
 from echogrid.core.map.tiled_map import LogOdds, TiledMap, View
@@ -30,8 +31,9 @@ class OccupancyMap(TiledMap):
         """Adds a patch (H, W) of log-odds around the car: logit(m|z_0:t) = logit(m|z_t) + logit(m|z_0:t-1), then clamps."""
         footprint = Footprint.of(odom_from_base, self.spec)
         (patch,) = footprint.bilinear(said[None])
-        for layers, inside, piece in self._under(footprint, view):
-            loops.add_clamped(patch[piece], self.clamp, LEAST, layers[0][inside])
+        under, tiles = self._changing(footprint, view)
+        for (inside, piece), tile in zip(parts(under), tiles, strict=True):
+            loops.add_clamped(patch[piece], self.clamp, LEAST, tile.layers[0][inside])
 
     def read(self, layers: Layers) -> LogOdds:
         (log_odds,) = layers

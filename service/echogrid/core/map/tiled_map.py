@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Set
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -49,8 +49,9 @@ class Shelf(Protocol):
 class TiledMap(ABC):
     """Layers in `odom`, held in SIDE x SIDE tiles; cell (i, j) covers y in [i, i + 1) and x in [j, j + 1) cells.
 
-    `tiles` is changed in place, the least recently used first: at most `max_tiles` of them are kept. Beyond, that one goes to the shelf,
-    and comes back when an update or a window needs it; where there is no shelf it is forgotten and counted in `forgotten`.
+    `tiles` is changed in place, the least recently used first: at most `max_tiles` of them are kept, or as many as one update changes.
+    Beyond, that one goes to the shelf, and comes back when an update or a window needs it; where there is no shelf it is forgotten and
+    counted in `forgotten`.
     """
 
     layers: int
@@ -151,49 +152,45 @@ class TiledMap(ABC):
         cut = everything[top : known_rows[-1] + 1, left : known_columns[-1] + 1]
         return first_row + top, first_column + left, np.ascontiguousarray(cut)
 
-    def _under(self, footprint: Footprint, view: View | None) -> Iterator[tuple[Layers, tuple[slice, slice], tuple[slice, slice]]]:
-        """The same of a footprint, with what a view tells."""
-        if view is None:
-            return self._changing(footprint.row, footprint.column, footprint.shape)
-        return self._changing(footprint.row, footprint.column, footprint.shape, view.stamp_ns, footprint.nearest(view.radars))
+    def _changing(self, footprint: Footprint, view: View | None) -> tuple[NDArray[np.int64], list[Tile]]:
+        """The pieces of tiles under a footprint, as the loops have them (kernels/tiles.py), and the tiles, which are about to be changed.
 
-    def _changing(
-        self, row: int, column: int, shape: tuple[int, ...], stamp_ns: int | None = None, radars: NDArray[np.uint16] | None = None
-    ) -> Iterator[tuple[Layers, tuple[slice, slice], tuple[slice, slice]]]:
-        """The layers of all tiles under a rectangle of cells, to be changed: the part of the tile, the part of the rectangle.
-
-        `radars`: bits of those that had the cells in view (shape) at `stamp_ns`, to be noted.
+        What the view tells is noted in them.
         """
-        if stamp_ns is not None:
-            self.stamp_ns = stamp_ns
-        now_s = self._now_s()
-        for key, inside, piece in pieces(row, column, *shape):
-            tile = self._changed(key)
-            if radars is not None:
-                loops.note_view(radars[piece], now_s, tile.radars[inside], tile.seen_s[inside])
-            yield tile.layers, inside, piece
+        keys, rows = [], []
+        for key, (i, j), (row, column) in pieces(footprint.row, footprint.column, *footprint.shape):
+            keys.append(key)
+            rows.append((i.start, j.start, i.stop - i.start, j.stop - j.start, row.start, column.start))
+        under, tiles = np.array(rows, np.int64), self._changed(keys)
+        if view is not None:
+            self.stamp_ns = view.stamp_ns
+            radars, seen_s = [tile.radars for tile in tiles], [tile.seen_s for tile in tiles]
+            loops.note_views(view.radars, *footprint.lies, self._now_s(), under, radars, seen_s)
+        return under, tiles
 
     def _now_s(self) -> int:
         """Of the newest update, as `seen_s` has it: recordings may begin at 0, which says never."""
         return min(max(self.stamp_ns // 1_000_000_000, 1), NEWEST_S)
 
-    def _changed(self, key: TileKey) -> Tile:
-        """A tile that is about to be changed."""
-        self.dirty.add(key)
-        return self._used(key) or self._keep(key, Tile.empty(self.layers))
+    def _changed(self, keys: Sequence[TileKey]) -> list[Tile]:
+        """Tiles that are about to be changed, which stay together until then."""
+        room = max(self.max_tiles, len(keys))
+        tiles = [self._used(key, room) or self._keep(key, Tile.empty(self.layers), room) for key in keys]
+        self.dirty.update(keys)
+        return tiles
 
-    def _used(self, key: TileKey) -> Tile | None:
-        """A tile, from the shelf where it is there, as the most recently used one. None where there is none."""
+    def _used(self, key: TileKey, room: int | None = None) -> Tile | None:
+        """A tile, from the shelf where it is there, as the most recently used one. None where there is none. `room` as in `_keep`."""
         tile = self.tiles.pop(key, None)
         if tile is not None:
             self.tiles[key] = tile
         elif self.shelf is not None and (tile := self.shelf.load(key)) is not None:
-            self._keep(key, tile)
+            self._keep(key, tile, room or self.max_tiles)
         return tile
 
-    def _keep(self, key: TileKey, tile: Tile) -> Tile:
-        """Makes room and keeps a tile as the most recently used one."""
-        while len(self.tiles) >= self.max_tiles:
+    def _keep(self, key: TileKey, tile: Tile, room: int) -> Tile:
+        """Keeps a tile as the most recently used one, of at most `room`."""
+        while len(self.tiles) >= room:
             least = next(iter(self.tiles))
             left = self.tiles.pop(least)
             if self.shelf is None:

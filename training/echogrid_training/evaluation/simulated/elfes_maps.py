@@ -10,6 +10,7 @@ from echogrid.core.evidence.history import Surroundings
 from echogrid.core.evidence.inverse_sensor_model import AnalyticSensorModel
 from echogrid.core.evidence.raster import GridSpec, Image, rasterize
 from echogrid.core.kernels.dispatch import loops
+from echogrid.core.kernels.tiles import parts
 from echogrid.core.map.footprint import Footprint
 from echogrid.core.map.occupancy import LEAST, OccupancyMap
 from echogrid.core.map.tile import Layers
@@ -46,8 +47,9 @@ class SummedBeams(OccupancyMap):
         """Adds (K, H, W) log-odds around the car."""
         footprint = Footprint.of(odom_from_base, self.spec)
         patch = footprint.bilinear(said)
-        for layers, inside, piece in self._under(footprint, view):
-            for layer, added, clamp in zip(layers, patch, self._clamps, strict=True):
+        under, tiles = self._changing(footprint, view)
+        for (inside, piece), tile in zip(parts(under), tiles, strict=True):
+            for layer, added, clamp in zip(tile.layers, patch, self._clamps, strict=True):
                 loops.add_clamped(added[piece], clamp, LEAST, layer[inside])
 
     def read(self, layers: Layers) -> LogOdds:

@@ -1,0 +1,246 @@
+/* A patch around the car, and what was measured, into the tiles under them: as the functions of the same names in tiles.py. */
+/* Where a row of map cells lies in the patch with its border of one zero cell: the cell to the lower left, -1 outside, and how far on from
+ * its centre. */
+WIDE static void place_row(const float *dx, Py_ssize_t width, float dy, float c, float s, float shift, int32_t cells, int32_t *flat, float *fu,
+                           float *fv) {
+    float limit = (float)(cells + 1), sine = s * dy, cosine = c * dy;
+    for (Py_ssize_t j = 0; j < width; j++) {
+        float u = c * dx[j] + sine + shift, v = cosine - s * dx[j] + shift;
+        int32_t column = (int32_t)u, row = (int32_t)v;
+        int inside = (u >= 0) & (v >= 0) & (u < limit) & (v < limit);
+        flat[j] = inside ? row * (cells + 2) + column : -1;
+        fu[j] = u - (float)column;
+        fv[j] = v - (float)row;
+    }
+}
+
+KERNEL(bilinear) {
+    TAKE("f3f1f1xxxf3!");
+    Py_ssize_t planes = LENGTH(0, 0), cells = LENGTH(0, 1), width = LENGTH(1, 0), height = LENGTH(2, 0), across = cells + 2;
+    if (!sized(&given, LENGTH(0, 2) == cells && LENGTH(3, 0) == planes && LENGTH(3, 1) == height && LENGTH(3, 2) == width)) return NULL;
+    const float *dx = ARRAY(1)->buf, *dy = ARRAY(2)->buf;
+    float c = (float)given.number[0], s = (float)given.number[1], shift = (float)given.number[2];
+    float *padded = calloc(planes * across * across, sizeof *padded), *fu = malloc(3 * width * sizeof *fu + 1), *fv = fu + width;
+    int32_t *flat = (int32_t *)(fv + width);
+    if (padded == NULL || fu == NULL) {
+        free(padded);
+        free(fu);
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    Py_BEGIN_ALLOW_THREADS;
+    for (Py_ssize_t p = 0; p < planes; p++)
+        for (Py_ssize_t i = 0; i < cells; i++)
+            memcpy(padded + (p * across + i + 1) * across + 1, ROW3(float, 0, p, i), cells * sizeof *padded);
+    for (Py_ssize_t i = 0; i < height; i++) {
+        place_row(dx, width, dy[i], c, s, shift, (int32_t)cells, flat, fu, fv);
+        for (Py_ssize_t p = 0; p < planes; p++) {
+            const float *plane = padded + p * across * across;
+            float *out = ROW3(float, 3, p, i);
+            for (Py_ssize_t j = 0; j < width; j++) {
+                out[j] = 0;
+                if (flat[j] < 0) continue;
+                const float *lower = plane + flat[j], *upper = lower + across;
+                float below = lower[0] * (1 - fu[j]) + lower[1] * fu[j], above = upper[0] * (1 - fu[j]) + upper[1] * fu[j];
+                out[j] = below * (1 - fv[j]) + above * fv[j];
+            }
+        }
+    }
+    Py_END_ALLOW_THREADS;
+    free(padded);
+    free(fu);
+    return done(&given);
+}
+
+KERNEL(add_clamped) {
+    TAKE("f2xxf2!");
+    Py_ssize_t height = LENGTH(0, 0), width = LENGTH(0, 1);
+    if (!sized(&given, LENGTH(1, 0) == height && LENGTH(1, 1) == width)) return NULL;
+    float clamp = (float)given.number[0], least = (float)given.number[1];
+    for (Py_ssize_t i = 0; i < height; i++) {
+        const float *added = ROW(float, 0, i);
+        float *layer = ROW(float, 1, i);
+        for (Py_ssize_t j = 0; j < width; j++) {
+            float total = layer[j] + added[j];
+            total = total < -clamp ? -clamp : total;
+            total = total > clamp ? clamp : total;
+            layer[j] = added[j] != 0 && total == 0 ? least : total;
+        }
+    }
+    return done(&given);
+}
+
+/* Part of a tile, and where it begins in the rectangle of the map's cells around the car. */
+typedef struct {
+    int64_t row, column, height, width, from_row, from_column;
+} Piece;
+
+static int pieces_fit(const Given *given, int places, Py_ssize_t height, Py_ssize_t width) {
+    const Py_buffer *array = &given->array[places];
+    int fits = array->shape[1] == 6;
+    for (Py_ssize_t t = 0; fits && t < array->shape[0]; t++) {
+        const Piece *piece = (const Piece *)((char *)array->buf + t * array->strides[0]);
+        fits = piece->row >= 0 && piece->column >= 0 && piece->height >= 0 && piece->width >= 0 && piece->row + piece->height <= SIDE &&
+               piece->column + piece->width <= SIDE && piece->from_row >= 0 && piece->from_column >= 0 &&
+               piece->from_row + piece->height <= height && piece->from_column + piece->width <= width;
+    }
+    return fits;
+}
+
+/* Whether a list has as many whole tiles, of at least so many layers where it is of layers. */
+static int tiles_fit(const List *list, Py_ssize_t count, Py_ssize_t layers) {
+    int fits = list->count == count;
+    for (Py_ssize_t t = 0; fits && t < count; t++) {
+        const Py_buffer *tile = &list->array[t];
+        const Py_ssize_t *shape = tile->shape + (layers > 0), *strides = tile->strides + (layers > 0);
+        fits = shape[0] == SIDE && shape[1] == SIDE && strides[0] == SIDE * tile->itemsize && (!layers || tile->shape[0] >= layers);
+    }
+    return fits;
+}
+
+#define TILE(type, n, t) ((type *)given.list[n].array[t].buf)
+#define LAYER(n, t, layer) ((float *)((char *)given.list[n].array[t].buf + (layer) * given.list[n].array[t].strides[0]))
+
+KERNEL(note_views) {
+    TAKE("H2f1f1xxxxl2*H2!*I2!");
+    Py_ssize_t cells = LENGTH(0, 0), width = LENGTH(1, 0), tiles = LENGTH(3, 0), across = cells + 2;
+    if (!sized(&given, LENGTH(0, 1) == cells && pieces_fit(&given, 3, LENGTH(2, 0), width) && tiles_fit(&given.list[0], tiles, 0) &&
+                           tiles_fit(&given.list[1], tiles, 0)))
+        return NULL;
+    const float *dx = ARRAY(1)->buf, *dy = ARRAY(2)->buf;
+    float c = (float)given.number[0], s = (float)given.number[1], shift = (float)given.number[2], fu[SIDE], fv[SIDE];
+    uint32_t now = (uint32_t)given.number[3];
+    int32_t flat[SIDE];
+    uint16_t *padded = calloc(across * across, sizeof *padded);
+    if (padded == NULL) {
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    Py_BEGIN_ALLOW_THREADS;
+    for (Py_ssize_t i = 0; i < cells; i++) memcpy(padded + (i + 1) * across + 1, ROW(uint16_t, 0, i), cells * sizeof *padded);
+    for (Py_ssize_t t = 0; t < tiles; t++) {
+        const Piece *piece = ROW(Piece, 3, t);
+        for (int64_t i = 0; i < piece->height; i++) {
+            int64_t first = (piece->row + i) * SIDE + piece->column;
+            uint16_t *radars = TILE(uint16_t, 0, t) + first;
+            uint32_t *seen = TILE(uint32_t, 1, t) + first;
+            place_row(dx + piece->from_column, piece->width, dy[piece->from_row + i], c, s, shift, (int32_t)cells, flat, fu, fv);
+            for (int64_t j = 0; j < piece->width; j++) {
+                if (flat[j] < 0) continue;
+                uint16_t bits = padded[flat[j] + (fu[j] >= 0.5f) + (fv[j] >= 0.5f ? across : 0)];
+                radars[j] |= bits;
+                seen[j] = bits ? now : seen[j];
+            }
+        }
+    }
+    Py_END_ALLOW_THREADS;
+    free(padded);
+    return done(&given);
+}
+
+/* A weighted log-odds and its weight, side by side: one is what is done with both. */
+typedef float Pair __attribute__((vector_size(8)));
+
+/* Patch cells by their four neighbours; 0 outside. */
+static void blend_row(const Pair *padded, Py_ssize_t across, const int32_t *flat, const float *fu, const float *fv, Py_ssize_t width, float *more,
+                      float *heavier) {
+    for (Py_ssize_t j = 0; j < width; j++) {
+        more[j] = heavier[j] = 0;
+        if (flat[j] < 0) continue;
+        const Pair *lower = padded + flat[j], *upper = lower + across;
+        float right = fu[j], left = 1 - right, above = fv[j], below = 1 - above;
+        Pair found = (lower[0] * left + lower[1] * right) * below + (upper[0] * left + upper[1] * right) * above;
+        more[j] = found[0];
+        heavier[j] = found[1];
+    }
+}
+
+/* Adds to a row of sums and weights, and shrinks both where the weight exceeds `most`. */
+WIDE static void add_row(const float *more, const float *heavier, Py_ssize_t width, float most, float *total, float *weight) {
+    for (Py_ssize_t j = 0; j < width; j++) {
+        float w = weight[j] + heavier[j], sum = total[j] + more[j];
+        float kept = most / (w > 1 ? w : 1);
+        kept = kept < 1 ? kept : 1;
+        total[j] = sum * kept;
+        weight[j] = w * kept;
+    }
+}
+
+KERNEL(add_looks) {
+    TAKE("f3xf1f1xxxxl2*f3!");
+    Py_ssize_t cells = LENGTH(0, 1), width = LENGTH(1, 0), tiles = LENGTH(3, 0), across = cells + 2;
+    if (!sized(&given, LENGTH(0, 0) == 2 && LENGTH(0, 2) == cells && pieces_fit(&given, 3, LENGTH(2, 0), width) && tiles_fit(&given.list[0], tiles, 2)))
+        return NULL;
+    const float *dx = ARRAY(1)->buf, *dy = ARRAY(2)->buf;
+    float share = (float)given.number[0], c = (float)given.number[1], s = (float)given.number[2], shift = (float)given.number[3];
+    float most = (float)given.number[4], fu[SIDE], fv[SIDE], more[SIDE], heavier[SIDE];
+    int32_t flat[SIDE];
+    Pair *padded = calloc(across * across, sizeof *padded);
+    if (padded == NULL) {
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    Py_BEGIN_ALLOW_THREADS;
+    for (Py_ssize_t i = 0; i < cells; i++) {
+        const float *log_odds = ROW3(float, 0, 0, i), *weight = ROW3(float, 0, 1, i);
+        for (Py_ssize_t j = 0; j < cells; j++) {
+            padded[(i + 1) * across + j + 1] = (Pair){log_odds[j] * weight[j] * share, weight[j] * share};
+        }
+    }
+    for (Py_ssize_t t = 0; t < tiles; t++) {
+        const Piece *piece = ROW(Piece, 3, t);
+        for (int64_t i = 0; i < piece->height; i++) {
+            int64_t first = (piece->row + i) * SIDE + piece->column;
+            place_row(dx + piece->from_column, piece->width, dy[piece->from_row + i], c, s, shift, (int32_t)cells, flat, fu, fv);
+            blend_row(padded, across, flat, fu, fv, piece->width, more, heavier);
+            add_row(more, heavier, piece->width, most, LAYER(0, t, 0) + first, LAYER(0, t, 1) + first);
+        }
+    }
+    Py_END_ALLOW_THREADS;
+    free(padded);
+    return done(&given);
+}
+
+KERNEL(add_measured) {
+    TAKE("l1i1f1f1f1B1B1H1xxx*f3!*H2!*I2!");
+    Py_ssize_t tiles = LENGTH(0, 0) - 1, size = LENGTH(1, 0);
+    const int64_t *begins = ARRAY(0)->buf;
+    const int32_t *cells = ARRAY(1)->buf;
+    int fits = tiles >= 0 && tiles_fit(&given.list[0], tiles, 5) && tiles_fit(&given.list[1], tiles, 0) && tiles_fit(&given.list[2], tiles, 0);
+    for (int n = 2; n < 8; n++) fits &= LENGTH(n, 0) == size;
+    for (Py_ssize_t t = 0; fits && t < tiles; t++) fits = begins[t] >= 0 && begins[t] <= begins[t + 1] && begins[t + 1] <= size;
+    for (Py_ssize_t n = 0; fits && n < size; n++) fits = cells[n] >= 0 && cells[n] < SIDE * SIDE;
+    if (!sized(&given, fits)) return NULL;
+    const float *hits = ARRAY(2)->buf, *near = ARRAY(3)->buf, *passes = ARRAY(4)->buf;
+    const uint8_t *arrived = ARRAY(5)->buf, *left = ARRAY(6)->buf;
+    const uint16_t *who = ARRAY(7)->buf;
+    float gone = (float)given.number[1], most = (float)given.number[2];
+    for (Py_ssize_t t = 0; t < tiles; t++) {
+        float *hit = LAYER(0, t, 2), *beside = LAYER(0, t, 3), *passed = LAYER(0, t, 4);
+        uint16_t *radars = TILE(uint16_t, 1, t);
+        uint32_t *seen = TILE(uint32_t, 2, t);
+        for (int64_t n = begins[t]; n < begins[t + 1]; n++) {
+            int32_t at = cells[n];
+            if (who[n]) {
+                radars[at] |= who[n];
+                seen[at] = (uint32_t)given.number[0];
+            }
+            if (arrived[n]) passed[at] = 0;
+            if (left[n]) {
+                hit[at] = beside[at] = 0;
+                passed[at] = passed[at] > gone ? passed[at] : gone;
+            }
+            hit[at] += hits[n];
+            beside[at] += near[n];
+            passed[at] += passes[n];
+            float total = hit[at] + passed[at];
+            if (total > most) {
+                float kept = most / total;
+                hit[at] *= kept;
+                beside[at] *= kept;
+                passed[at] *= kept;
+            }
+        }
+    }
+    return done(&given);
+}
