@@ -80,8 +80,8 @@ class Car:
         seen = window.joined(key_window(window))
         middle = slice(self.cells // 2 - 64, self.cells // 2 + 64)
         self.world[middle, middle] += self.random.normal(0, 0.2, (128, 128)).astype(np.float32)
-        update = MapUpdate(ego, self.random.normal(0, 10, (100, 2)), Certainty(np.eye(3), np.eye(2)))
-        snapshot = Snapshot(update, 0, window, seen, self.world[: seen.height, : seen.width])
+        update = MapUpdate(ego, self.random.normal(0, 10, (100, 2)))
+        snapshot = Snapshot(update, Certainty(np.eye(3), np.eye(2)), 0, window, seen, self.world[: seen.height, : seen.width])
         started = time.monotonic()
         for message in self.announcer.map(snapshot):
             self.publisher.put(message)

@@ -16,6 +16,7 @@ from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
 from echogrid.core.radar.seen_again import SeenAgain
 from echogrid.core.radar.static_gate import GateNoise
+from echogrid.core.radar.sweep import Sweep
 
 STEP = 0.02  # s
 MS = 1_000_000
@@ -99,10 +100,10 @@ def follow(driven: Driven, learns: Learns = "driving", errors: ErrorFilter | Non
         for radar, mount in enumerate(MOUNTS.values()):
             ego, scan = odometry.at(stamp_ns), driven.scan(radar, n)
             if ego is not None:
-                placed.append(PlacedScan.of(scan, mount, ego, noise))
+                placed.append(PlacedScan(scan, mount, ego))
         doppler.add(placed, errors, noise)
-        if again is not None:
-            again.add(placed, errors, noise)
+        if again is not None and placed:
+            again.add(Sweep.of(placed, noise), errors, noise)
     return odometry
 
 

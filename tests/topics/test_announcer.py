@@ -37,7 +37,7 @@ from echogrid.topics.topic import DETECTIONS, DIAGNOSTICS, JUDGED, KEY, ODOMETRY
 
 MS = 1_000_000
 CERTAINTY = Certainty(np.array([[4.0, 1.0, 0.1], [1.0, 9.0, 0.2], [0.1, 0.2, 0.25]]), np.array([[0.5, 0.1], [0.1, 0.75]]))
-EMPTY = SimpleNamespace(map=OccupancyMap(GridSpec(16, 0.25)), epoch=3)  # all that is asked of a Mapper
+EMPTY = SimpleNamespace(map=OccupancyMap(GridSpec(16, 0.25)), epoch=3, certainty=lambda ego: CERTAINTY)  # all that is asked of a Mapper
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def pipeline(tmp_path: Path) -> Pipeline:
 
 
 def updated(stamp_ns: int, pose: SE2, points: np.ndarray) -> MapUpdate:
-    return MapUpdate(EgoState(stamp_ns, pose, -1.5, 0.25), points, CERTAINTY)
+    return MapUpdate(EgoState(stamp_ns, pose, -1.5, 0.25), points)
 
 
 @given(st.lists(st.integers(-20, 20), min_size=40, max_size=40), st.sampled_from((5.0, 10.0, 20.0)))
@@ -201,7 +201,9 @@ def test_nav2_and_amcl_see_obstacles_with_their_defaults(log_odds: list[float], 
 def test_the_trinary_map_is_that_of_the_key_frame(pipeline: Pipeline) -> None:
     grid = OccupancyMap(GridSpec(16, 0.25))
     grid.integrate(np.linspace(-3, 3, 256).reshape(16, 16), SE2(0, 0, 0))
-    snapshot = Snapshots().take(SimpleNamespace(map=grid, epoch=3), updated(77, SE2(0, 0, 0), np.zeros((0, 2))), Publish())
+    snapshot = Snapshots().take(
+        SimpleNamespace(map=grid, epoch=3, certainty=EMPTY.certainty), updated(77, SE2(0, 0, 0), np.zeros((0, 2))), Publish()
+    )
     assert snapshot is not None
     told = {message.topic: message for message in Announcer(pipeline.config, "").map(snapshot)}
     key, sure = decode_grid(told[KEY].payload), decode_grid(told[TRINARY].payload)

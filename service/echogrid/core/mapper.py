@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -25,6 +25,7 @@ from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
 from echogrid.core.radar.seen_again import SeenAgain
 from echogrid.core.radar.static_gate import GateNoise, beside_movers
+from echogrid.core.radar.sweep import Sweep
 from echogrid.core.trust.motion_watch import Verdict
 from echogrid.core.trust.watch import Watch
 
@@ -52,12 +53,10 @@ NOTHING_JUDGED = Judged(np.zeros((0, 2)), np.zeros(0, np.uint8), np.zeros(0, np.
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapUpdate:
-    """One cycle: where the car was at the newest scan, the static detections (N, 2) in base that went into the map, and how well the car's
-    motion is known."""
+    """One cycle: where the car was at the newest scan, and the static detections (N, 2) in base that went into the map."""
 
     ego: EgoState
     static_points: Floats  # (N, 2) m, base frame at `ego.stamp_ns`
-    certainty: Certainty
     judged: Judged = NOTHING_JUDGED  # all detections, those among them
     map_from_odom: SE2 | None = None  # by poses from outside, if there were any
 
@@ -157,32 +156,36 @@ class Mapper:
         """Predict, doubt, learn, gate, remember, infer, integrate: what the pending scans say goes into the map, if it takes any here."""
         if self.frame is not None:
             self.frame.settle(self.odometry)
-        placed = self._trusted(self._place(self.pending))
+        sweep = self._trusted(self._place(self.pending))
         self.pending = []
-        if not placed:
+        if sweep is None:
             return None
-        ego = max((one.ego for one in placed), key=lambda ego: ego.stamp_ns)
-        self.doppler.add(placed, self.odometry.errors, self.noise)
-        self.again.add(placed, self.odometry.errors, self.noise)
-        found = self._detections(placed, ego)
-        near = found.chosen(np.concatenate([one.near for one in placed]))
+        ego = sweep.newest
+        self.doppler.add(sweep.placed, self.odometry.errors, self.noise)
+        self.again.add(sweep, self.odometry.errors, self.noise)
+        looks = self._looks(sweep.placed, ego)
+        found = _detections(sweep, looks)
+        near = found.chosen(sweep.near)
         standing, beside = self._gate(near)
         static = near.chosen(standing & ~beside)
         self.health.cycles += 1
         self.health.static_detections += len(static)
-        view = self._view(placed, ego.stamp_ns)
+        view = self._view(sweep.placed, ego.stamp_ns)
         takes = self.map.takes(ego.odom_from_base)
         if self.map.reach:
-            self.map.measure(self._beams(placed, found, ego), ego.odom_from_base, view)
+            self.map.measure(self._beams(sweep, found, ego), ego.odom_from_base, view)
         if takes:
-            self.history.add(static, self._looks(placed, ego), ego.odom_from_base, self.odometry.distance)
+            self.history.add(static, looks, ego.odom_from_base, self.odometry.distance)
             said = self.infer(self.history.surroundings(ego.odom_from_base, self._live(ego.stamp_ns)))
             self.map.integrate(said, ego.odom_from_base, view)
         self.health.tiles_forgotten = self.map.forgotten
-        self.watch.mapped_ns = max(one.scan.received_ns for one in placed)
-        certainty = self.odometry.errors.certainty(ego.speed, ego.yaw_rate)
+        self.watch.mapped_ns = max([one.scan.received_ns for one in sweep.placed])
         map_from_odom = None if self.frame is None else self.frame.map_from_odom
-        return MapUpdate(ego, static.points, certainty, self._judged(placed, near, standing, beside), map_from_odom)
+        return MapUpdate(ego, static.points, self._judged(sweep, near, standing, beside), map_from_odom)
+
+    def certainty(self, ego: EgoState) -> Certainty:
+        """How well the car's motion is known at the newest pose."""
+        return self.odometry.errors.certainty(ego.speed, ego.yaw_rate)
 
     def _start_new_map(self, why: str) -> None:
         """Another map: where the car is in the old one is not known any more."""
@@ -205,77 +208,57 @@ class Mapper:
 
     def _place(self, scans: list[RadarScan]) -> list[PlacedScan]:
         """The scans with where the car was when each was measured; those without are counted."""
-        placed = []
-        for scan in scans:
-            ego = self.odometry.at(scan.stamp_ns)
-            if ego is None:
-                continue
-            placed.append(PlacedScan.of(scan, self.mounts[scan.sensor], ego, self.noise))
+        egos = [self.odometry.at(scan.stamp_ns) for scan in scans]
+        placed = [PlacedScan(scan, self.mounts[scan.sensor], ego) for scan, ego in zip(scans, egos, strict=True) if ego is not None]
         self.health.scans_without_pose += len(scans) - len(placed)
         return placed
 
-    def _trusted(self, placed: list[PlacedScan]) -> list[PlacedScan]:
+    def _trusted(self, placed: list[PlacedScan]) -> Sweep | None:
         """Those of trusted radars; none while ego motion is not trusted, and what comes after that belongs to a new map."""
         if not placed:
-            return []
+            return None
         disputed = self.watch.motion.disputed
-        self.watch.judge(placed)
+        sweep = Sweep.of(placed, self.noise)
+        self.watch.judge(sweep)
         if self.watch.motion.disputed is not None:
             self.health.scans_without_pose += len(placed)
-            return []
+            return None
         if disputed is not None:
             self._start_new_map(f"ego motion was not trusted ({disputed})")
-            return []
-        trusted = []
-        for one in placed:
-            if self.watch.radars[one.scan.sensor].doubts:
-                self.health.sensors[one.scan.sensor].distrusted += 1
-            else:
-                trusted.append(one)
-        return trusted
-
-    def _detections(self, placed: list[PlacedScan], now: EgoState) -> Detections:
-        """All their detections, moving ones too, in base at `now`: each carried there from where the car was when it was measured."""
-        counts = [len(one.whole) for one in placed]
-        points, origins = np.empty((sum(counts), 2)), np.empty((sum(counts), 2))
-        base_from_odom = now.odom_from_base.inverse()
-        end = 0
-        for one, count in zip(placed, counts, strict=True):
-            some = slice(end, end := end + count)
-            now_from_sensor = base_from_odom @ one.ego.odom_from_base @ one.mount.base_from_sensor
-            points[some], origins[some] = now_from_sensor.apply(one.points), (now_from_sensor.x, now_from_sensor.y)
-        rcs, sigmas = np.concatenate([one.whole.rcs for one in placed]), np.concatenate([one.sigmas for one in placed])
-        return Detections(points, origins, rcs, sigmas)
+            return None
+        trusted = [not self.watch.radars[one.scan.sensor].doubts for one in placed]
+        for one, is_trusted in zip(placed, trusted, strict=True):
+            self.health.sensors[one.scan.sensor].distrusted += not is_trusted
+        return sweep.only(trusted, self.noise)
 
     def _gate(self, found: Detections) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Which of them their own range rates call standing, and which lie between moving ones."""
         standing = found.deviation <= self.noise.sigmas
         return standing, beside_movers(found.points, ~standing, self.noise)
 
-    def _judged(self, placed: list[PlacedScan], found: Detections, standing: NDArray[np.bool_], beside: NDArray[np.bool_]) -> Judged:
-        radars = np.repeat(np.array([self._numbers[one.scan.sensor] for one in placed], np.uint8), [len(one.scan) for one in placed])
+    def _judged(self, sweep: Sweep, found: Detections, standing: NDArray[np.bool_], beside: NDArray[np.bool_]) -> Judged:
+        radars = sweep.of_each(np.array([self._numbers[one.scan.sensor] for one in sweep.placed], np.uint8))[sweep.near]
         verdicts = np.full(len(standing), Judged.STATIC, np.uint8)
         verdicts[beside] = Judged.BESIDE
         verdicts[~standing] = Judged.MOVING
         return Judged(found.points, radars, verdicts)
 
-    def _beams(self, placed: list[PlacedScan], found: Detections, now: EgoState) -> Beams:
+    def _beams(self, sweep: Sweep, found: Detections, now: EgoState) -> Beams:
         """Their static detections as far as the map reaches, which may be farther than a network is shown."""
-        far = np.concatenate([one.whole.range for one in placed]) <= self.map.reach
-        bits = np.array([1 << self._numbers[one.whole.sensor] for one in placed], dtype=np.uint16)
-        radars = np.repeat(bits, [len(one.whole) for one in placed])
-        reached, radars = found.chosen(far), radars[far]
+        far = sweep.range <= self.map.reach
+        radars = sweep.of_each(np.array([1 << self._numbers[one.scan.sensor] for one in sweep.placed], np.uint16))[far]
+        reached = found.chosen(far)
         standing, beside = self._gate(reached)
         static = standing & ~beside
         kept = reached.chosen(static).moved(now.odom_from_base)
         return Beams(kept.points, kept.origins, radars[static])
 
-    def _looks(self, placed: list[PlacedScan], now: EgoState) -> Looks:
+    def _looks(self, placed: Sequence[PlacedScan], now: EgoState) -> Looks:
         """From where the scans were measured, in base at `now`."""
         base_from_odom = now.odom_from_base.inverse()
         return Looks.of([one.mount for one in placed], [base_from_odom @ one.ego.odom_from_base for one in placed])
 
-    def _view(self, placed: list[PlacedScan], stamp_ns: int) -> View:
+    def _view(self, placed: Sequence[PlacedScan], stamp_ns: int) -> View:
         """Which radars had which cells in view, as if from where the car is now: within a cycle it goes a few cells at most."""
         seen_by = tuple(sorted({one.scan.sensor for one in placed}))
         if seen_by not in self._in_view_of:
@@ -286,6 +269,11 @@ class Mapper:
         """Trusted radars with a scan that is not older than `max_age_ns`."""
         live = [name for name, stamp_ns in self.newest_ns.items() if now_ns - stamp_ns <= self.max_age_ns]
         return [name for name in live if not self.watch.radars[name].doubts]
+
+
+def _detections(sweep: Sweep, looks: Looks) -> Detections:
+    """All of the sweep, moving ones too, in the frame of the looks: each from where its radar was when it was measured."""
+    return Detections(sweep.points(looks.place.tolist()), sweep.of_each(looks.place[:, :2]), sweep.rcs, sweep.sigmas)
 
 
 def in_view(mounts: Mapping[str, Mount], spec: GridSpec) -> dict[str, NDArray[np.uint16]]:

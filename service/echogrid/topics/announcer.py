@@ -18,6 +18,7 @@ from echogrid.core.map.tile import SIDE
 from echogrid.core.map.tiled_map import FREE, OCCUPIED, LogOdds
 from echogrid.core.mapper import Mapper, MapUpdate
 from echogrid.core.messages import Floats
+from echogrid.core.motion.error_filter import Certainty
 from echogrid.topics.diagnostic_array import encode_diagnostics
 from echogrid.topics.diagnostics import diagnostics
 from echogrid.topics.grids import Grid, GridUpdate, encode_grid, encode_update
@@ -50,6 +51,7 @@ class Snapshot:
     """What the map around the car was after an update: enough for the window around it and for its key frame."""
 
     update: MapUpdate
+    certainty: Certainty  # of the car's motion, then
     epoch: int
     window: Rectangle  # around the car
     seen: Rectangle  # holds `window` and its key window
@@ -70,7 +72,7 @@ class Snapshots:
         self.taken = period
         window = around(update.ego.odom_from_base, mapper.map.spec.cell, settings.window_cells)
         seen = window.joined(key_window(window))
-        return Snapshot(update, mapper.epoch, window, seen, mapper.map.window(*seen))
+        return Snapshot(update, mapper.certainty(update.ego), mapper.epoch, window, seen, mapper.map.window(*seen))
 
 
 class Announcer:
@@ -98,7 +100,7 @@ class Announcer:
         def message(topic: Topic, payload: bytes, keyframe: int = 0) -> Message:
             return Message(topic, payload, stamp_ns, epoch, keyframe)
 
-        known = snapshot.update.certainty
+        known = snapshot.certainty
         covariances = spread(known.pose, (0, 1, 5)), spread(known.motion, (0, 5))
         odometry = Odometry(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base, ego.speed, ego.yaw_rate, *covariances)
         yield message(ODOMETRY, encode_odometry(odometry))

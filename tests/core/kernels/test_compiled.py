@@ -45,6 +45,25 @@ def moved(random: Random, size: int) -> list[Any]:
     return [points(random, size, 50, 0.25), *random.uniform(-99, 99, 2), np.cos(angle), np.sin(angle), np.empty((size, 2))]
 
 
+def sizes(random: Random, size: int) -> np.ndarray:
+    """Of scans, the last without a detection."""
+    ends = np.sort(random.integers(0, size + 1, size % 4))
+    return np.diff(np.concatenate(((0,), ends, (size, size))))
+
+
+def polar(random: Random, size: int) -> list[Any]:
+    azimuth, of_each = random.uniform(-4, 4, size), sizes(random, size)
+    places = random.uniform(-9, 9, (len(of_each), 4))
+    return [random.uniform(0, 80, size), np.cos(azimuth), np.sin(azimuth), of_each, places, np.empty((size, 2))]
+
+
+def deviations(random: Random, size: int) -> list[Any]:
+    bearing, of_each = random.uniform(-4, 4, size), sizes(random, size)
+    scans = random.uniform(0, 20, (len(of_each), 4)) * (random.random((len(of_each), 4)) < 0.8)
+    rate = random.normal(0, 20, size)
+    return [np.cos(bearing), np.sin(bearing), rate, of_each, scans, 0.13, 0.03, 0.01, np.empty(size)]
+
+
 def draw_now(random: Random, size: int) -> list[Any]:
     deviation = np.abs(random.normal(0, 2, size))
     return [points(random, size, 4, 0.5), rcs(random, size), deviation, 4.0, 0.5, TABLE, np.ones((3, 16, 16), np.uint8)]
@@ -109,7 +128,8 @@ def note_views(random: Random, size: int) -> list[Any]:
 
 def add_looks(random: Random, size: int) -> list[Any]:
     count, weight = size % 4, np.abs(single(random, 12, 12))
-    return [np.stack((single(random, 12, 12), weight)), 0.25, *footprint(random), float(random.choice([1.2, 20.0])), pieces(random, count), tile_layers(random, count)]
+    answer, cap = np.stack((single(random, 12, 12), weight)), float(random.choice([1.2, 20.0]))
+    return [answer, 0.25, *footprint(random), cap, pieces(random, count), tile_layers(random, count)]
 
 
 def add_clamped(random: Random, size: int) -> list[Any]:
@@ -241,7 +261,21 @@ def quantities(random: Random, size: int) -> list[Any]:
 CASES: dict[str, Callable[[Random, int], list[Any]]] = {
     case.__name__: case
     for case in (
-        *(moved, draw_now, draw_past, draw_passes, draw_looks, bilinear, note_views, add_looks, add_clamped, elfes, look),
+        *(
+            moved,
+            polar,
+            deviations,
+            draw_now,
+            draw_past,
+            draw_passes,
+            draw_looks,
+            bilinear,
+            note_views,
+            add_looks,
+            add_clamped,
+            elfes,
+            look,
+        ),
         *(add_measured, usual, fold, odds, beside, common_motion, signals, quantities, read_out, percent),
     )
 }
@@ -318,6 +352,8 @@ def test_every_loop_is_compared() -> None:
         ("moved", 0, np.zeros((5, 2), np.float32)),
         ("moved", 0, np.zeros((5, 4))[:, ::2]),
         ("moved", 5, np.zeros((4, 2))),
+        ("polar", 3, np.array([3, 3])),
+        ("deviations", 3, np.array([6, -1])),
         ("draw_now", 6, np.zeros((3, 16, 8), np.uint8)),
         ("add_measured", 1, np.full(5, SIDE * SIDE, np.int32)),
         ("add_measured", 0, np.array([0, 2, 1, 5])),

@@ -25,7 +25,7 @@ def placed(name: str, rate_off: float = 0.0, ambiguity: float = 0.0, stamp_ns: i
     azimuth = np.linspace(-1.2, 1.2, 25)
     rate, _ = static_range_rate(azimuth, MOUNTS[name], EGO.speed, EGO.yaw_rate)
     scan = RadarScan(name, stamp_ns, stamp_ns, np.full(25, 9.0), azimuth, rate + rate_off, np.zeros(25), ambiguity)
-    return PlacedScan.of(scan, MOUNTS[name], replace(EGO, stamp_ns=stamp_ns), NOISE)
+    return PlacedScan(scan, MOUNTS[name], replace(EGO, stamp_ns=stamp_ns))
 
 
 def test_derivatives_equal_finite_differences() -> None:
@@ -100,7 +100,7 @@ def test_weights_are_inverse_variances_which_grow_abeam(count: int, shared: floa
     azimuth = np.linspace(-1.2, 1.2, count)
     rate, _ = static_range_rate(azimuth, MOUNTS["rear_left"], ego.speed, 0.0)
     scan = RadarScan("rear_left", ego.stamp_ns, ego.stamp_ns, np.full(count, 9.0), azimuth, rate, np.zeros(count), 0.0)
-    weight = equations(PlacedScan.of(scan, MOUNTS["rear_left"], ego, NOISE), errors, NOISE)[2]
+    weight = equations(PlacedScan(scan, MOUNTS["rear_left"], ego), errors, NOISE)[2]
     abeam = 9.0 * np.sin(azimuth + MOUNTS["rear_left"].base_from_sensor.yaw)
     variance = NOISE.range_rate**2 + (abeam * NOISE.azimuth) ** 2 + (abeam * DISTORTED) ** 2
     np.testing.assert_allclose(1.0 / weight, 2.0 * CORRELATED * shared * variance, rtol=1e-9)

@@ -11,9 +11,11 @@ import pytest
 from echogrid.core.messages import RadarScan
 from echogrid.core.motion.odometry import EgoState
 from echogrid.core.motion.se2 import IDENTITY, SE2, arc
-from echogrid.core.radar.doppler_motion import LEAST, doppler_motion
+from echogrid.core.radar.doppler_motion import LEAST, DopplerMotion, doppler_motion
 from echogrid.core.radar.mount import Mount
+from echogrid.core.radar.placed_scan import PlacedScan
 from echogrid.core.radar.static_gate import GateNoise
+from echogrid.core.radar.sweep import Sweep
 from echogrid.core.trust.mount_check import other_mount
 
 MOUNTS = [
@@ -38,13 +40,19 @@ def scan(mount: Mount, speed: float, yaw_rate: float, rng: np.random.Generator, 
     return RadarScan("r", 0, 0, range_, azimuth, rate, np.zeros(count), ambiguity)
 
 
+def seen_by(scans: list[RadarScan]) -> DopplerMotion | None:
+    """Of the first mounts, by a car of which nothing is known."""
+    ego = EgoState(0, IDENTITY, 0.0, 0.0)
+    return doppler_motion(Sweep.of([PlacedScan(one, mount, ego) for one, mount in zip(scans, MOUNTS, strict=False)], GateNoise()))
+
+
 @pytest.mark.parametrize(("speed", "yaw_rate"), [(0.0, 0.0), (8.0, 0.0), (-3.0, 0.2), (5.0, -0.5), (25.0, 0.05)])
 def test_speed_and_yaw_rate_are_seen_among_a_third_of_movers(speed: float, yaw_rate: float) -> None:
     rng = np.random.default_rng(3)
     scans = [scan(mount, speed, yaw_rate, rng) for mount in MOUNTS]
     for one in scans:
         one.range_rate[:8] = rng.uniform(-15, 15, 8)
-    seen = doppler_motion(list(zip(scans, MOUNTS, strict=True)))
+    seen = seen_by(scans)
     assert seen is not None
     assert seen.speed == pytest.approx(speed, abs=0.12)
     assert seen.yaw_rate == pytest.approx(yaw_rate, abs=0.04)
@@ -53,15 +61,25 @@ def test_speed_and_yaw_rate_are_seen_among_a_third_of_movers(speed: float, yaw_r
 
 def test_modulo_an_ambiguity_as_well() -> None:
     rng = np.random.default_rng(4)
-    seen = doppler_motion([(scan(mount, 7.0, 0.1, rng, ambiguity=16.0), mount) for mount in MOUNTS])
+    seen = seen_by([scan(mount, 7.0, 0.1, rng, ambiguity=16.0) for mount in MOUNTS])
     assert seen is not None
     assert (seen.speed, seen.yaw_rate) == (pytest.approx(7.0, abs=0.12), pytest.approx(0.1, abs=0.04))
 
 
 def test_too_few_say_nothing() -> None:
     rng = np.random.default_rng(5)
-    assert doppler_motion([]) is None
-    assert doppler_motion([(scan(MOUNTS[0], 5.0, 0.0, rng, LEAST - 1), MOUNTS[0])]) is None
+    assert seen_by([scan(MOUNTS[0], 5.0, 0.0, rng, 0)]) is None
+    assert seen_by([scan(MOUNTS[0], 5.0, 0.0, rng, LEAST - 1)]) is None
+
+
+def test_what_is_beyond_the_mounts_range_does_not_count() -> None:
+    rng = np.random.default_rng(9)
+    scans = [scan(mount, 5.0, 0.1, rng) for mount in MOUNTS]
+    seen = seen_by(scans)
+    for one in scans:
+        one.range[12:], one.range_rate[12:] = 30.0, 3.0
+    near = [replace(one, **{key: getattr(one, key)[:12] for key in ("range", "azimuth", "range_rate", "rcs")}) for one in scans]
+    assert seen_by(scans) == seen_by(near) != seen
 
 
 @pytest.mark.parametrize(("really", "mirrored"), [(1, False), (3, False), (0, True)])

@@ -14,6 +14,7 @@ from echogrid.core.motion.se2 import SE2
 from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
 from echogrid.core.radar.static_gate import GateNoise
+from echogrid.core.radar.sweep import Sweep
 from echogrid.core.trust.watch import Watch
 
 MOUNTS = {
@@ -32,13 +33,13 @@ def scan(name: str, n: int, posts: np.ndarray, chance: float, rng: np.random.Gen
     seen = (range_ < 60) & (np.abs(azimuth) < mount.half_fov) & (rng.uniform(size=len(x)) < chance)
     rate = -SPEED * np.cos(azimuth[seen] + mount.base_from_sensor.yaw)
     whole = RadarScan(name, stamp, stamp, range_[seen], azimuth[seen], rate, np.zeros(seen.sum()))
-    return PlacedScan.of(whole, mount, ego, NOISE)
+    return PlacedScan(whole, mount, ego)
 
 
 def hear(watch: Watch, one: PlacedScan) -> None:
     radar = watch.radars[one.scan.sensor]
     radar.health.complete += 1
-    radar.hear(one.whole)
+    radar.hear(one.scan)
 
 
 def drive(posts: np.ndarray, chance: float, blocked: tuple[str, int] | None = None, scans: int = 400) -> dict[str, list[int]]:
@@ -50,7 +51,7 @@ def drive(posts: np.ndarray, chance: float, blocked: tuple[str, int] | None = No
         cycle = [scan(name, n, posts, 0.0 if name == silent else chance, rng) for name in MOUNTS]
         for one in cycle:
             hear(watch, one)
-        watch.judge(cycle)
+        watch.judge(Sweep.of(cycle, NOISE))
         for name in MOUNTS:
             if any("blocked" in sentence for sentence in watch.radars[name].doubts.values()):
                 found[name].append(n)
@@ -83,7 +84,7 @@ def test_a_radar_that_sees_again_is_believed_again() -> None:
         cycle = [scan(name, n, street(), 0.0 if name == "rl" and 150 <= n < 250 else 0.5, rng) for name in MOUNTS]
         for one in cycle:
             hear(watch, one)
-        watch.judge(cycle)
+        watch.judge(Sweep.of(cycle, NOISE))
         if n == 249:
             assert "blind" in watch.radars["rl"].doubts
     assert "blind" not in watch.radars["rl"].doubts

@@ -18,6 +18,7 @@ from echogrid.core.radar.doppler_motion import doppler_motion
 from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
 from echogrid.core.radar.static_gate import GateNoise
+from echogrid.core.radar.sweep import Sweep
 from echogrid.core.trust.motion_watch import BROAD
 from echogrid.core.trust.radar_watch import RadarWatch
 from echogrid.core.trust.watch import State, Watch
@@ -142,10 +143,10 @@ def test_a_front_radar_full_of_traffic_does_not_outvote_the_wheels() -> None:
     for n in range(1, 200):
         one = traffic(n * 50 * MS, rng, AHEAD.half_fov)
         ego = EgoState(one.stamp_ns, SE2(0.6 * n, 0.0, 0.0), 12.0, 0.0)
-        seen = doppler_motion([(one, AHEAD)])
+        sweep = Sweep.of([PlacedScan(one, AHEAD, ego)], noise)
+        seen = doppler_motion(sweep)
         assert seen is None or seen.support < 0.5 or seen.breadth < BROAD
-        placed = PlacedScan.of(one, AHEAD, ego, noise)
-        watch.judge([placed])
+        watch.judge(sweep)
         assert watch.motion.disputed is None
         assert "odd" not in watch.radars["front"].doubts
 
@@ -153,14 +154,13 @@ def test_a_front_radar_full_of_traffic_does_not_outvote_the_wheels() -> None:
 def test_corner_radars_still_outvote_wrong_wheels() -> None:
     """Four fans of standing things: broad enough by far."""
     rng = np.random.default_rng(0)
-    scans = []
+    ego, scans = EgoState(0, SE2(0.0, 0.0, 0.0), 8.0, 0.0), []
     for x, y, yaw in ((3.6, 0.8, 45.0), (3.6, -0.8, -45.0), (-0.8, 0.8, 135.0), (-0.8, -0.8, -135.0)):
         azimuth = rng.uniform(-1.2, 1.2, 20)
         rate = -8.0 * np.cos(azimuth + math.radians(yaw))
-        scans.append(
-            (RadarScan("r", 0, 0, rng.uniform(2, 20, 20), azimuth, rate, np.zeros(20)), Mount(SE2(x, y, math.radians(yaw)), 1.3, 25.0))
-        )
-    everywhere, lone = doppler_motion(scans), doppler_motion(scans[:1])
+        scan = RadarScan("r", 0, 0, rng.uniform(2, 20, 20), azimuth, rate, np.zeros(20))
+        scans.append(PlacedScan(scan, Mount(SE2(x, y, math.radians(yaw)), 1.3, 25.0), ego))
+    everywhere, lone = (doppler_motion(Sweep.of(some, GateNoise())) for some in (scans, scans[:1]))
     assert everywhere is not None
     assert lone is not None
     assert everywhere.breadth > 0.7

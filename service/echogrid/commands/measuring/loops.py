@@ -123,7 +123,8 @@ def noted(calls: Calls, sample: Sample) -> Iterator[None]:
 # Of the update, not the readers' of recordings, nor `identify`, which is called once a batch.
 NAMES = frozenset(
     (
-        *("moved", "draw_now", "draw_past", "draw_passes", "draw_looks", "bilinear", "add_clamped", "note_views", "add_looks", "elfes"),
-        *("look", "add_measured", "usual", "assemble", "fold", "odds", "beside", "common_motion", "read_out", "percent"),
+        *("moved", "polar", "deviations", "draw_now", "draw_past", "draw_passes", "draw_looks"),
+        *("bilinear", "add_clamped", "note_views", "add_looks", "elfes", "look", "add_measured", "usual"),
+        *("assemble", "fold", "odds", "beside", "common_motion", "read_out", "percent"),
     )
 )

@@ -190,6 +190,58 @@ KERNEL(moved) {
     return done(&given);
 }
 
+/* Whether sizes are those of so many scans, which have so many detections in all. */
+static int sizes_fit(const Given *given, int sizes, Py_ssize_t scans, Py_ssize_t detections) {
+    const int64_t *size = given->array[sizes].buf;
+    int64_t left = detections;
+    int fits = given->array[sizes].shape[0] == scans;
+    for (Py_ssize_t s = 0; fits && s < scans; s++) {
+        fits = size[s] >= 0 && size[s] <= left;
+        left -= size[s];
+    }
+    return fits && left == 0;
+}
+
+KERNEL(polar) {
+    TAKE("d1d1d1l1d2d2!");
+    Py_ssize_t size = LENGTH(0, 0), scans = LENGTH(4, 0);
+    if (!sized(&given, LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(4, 1) == 4 && LENGTH(5, 0) == size && LENGTH(5, 1) == 2 &&
+                           sizes_fit(&given, 3, scans, size)))
+        return NULL;
+    const double *range = ARRAY(0)->buf, *cos = ARRAY(1)->buf, *sin = ARRAY(2)->buf;
+    const int64_t *sizes = ARRAY(3)->buf;
+    for (Py_ssize_t s = 0, n = 0; s < scans; s++) {
+        const double *place = ROW(double, 4, s);
+        for (Py_ssize_t end = n + sizes[s]; n < end; n++) {
+            double along = range[n] * cos[n], aside = range[n] * sin[n], *to = ROW(double, 5, n);
+            to[0] = place[2] * along - place[3] * aside + place[0];
+            to[1] = place[3] * along + place[2] * aside + place[1];
+        }
+    }
+    return done(&given);
+}
+
+KERNEL(deviations) {
+    TAKE("d1d1d1l1d2xxxd1!");
+    Py_ssize_t size = LENGTH(0, 0), scans = LENGTH(4, 0);
+    if (!sized(&given, LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(4, 1) == 4 && LENGTH(5, 0) == size && sizes_fit(&given, 3, scans, size)))
+        return NULL;
+    const double *cos = ARRAY(0)->buf, *sin = ARRAY(1)->buf, *rate = ARRAY(2)->buf;
+    const int64_t *sizes = ARRAY(3)->buf;
+    double *out = ARRAY(5)->buf, by_rate = given.number[0], by_azimuth = given.number[1], by_speed = given.number[2];
+    for (Py_ssize_t s = 0, n = 0; s < scans; s++) {
+        const double *scan = ROW(double, 4, s);
+        double vx = scan[0], vy = scan[1], interval = scan[2], turning = scan[3];
+        for (Py_ssize_t end = n + sizes[s]; n < end; n++) {
+            double expected = -(vx * cos[n] + vy * sin[n]), left = rate[n] - expected;
+            if (interval > 0) left -= interval * rint(left / interval);
+            double azimuth = (vx * sin[n] - vy * cos[n]) * by_azimuth, speed = expected * by_speed;
+            out[n] = fabs(left) / sqrt(by_rate * by_rate + azimuth * azimuth + speed * speed + turning * turning);
+        }
+    }
+    return done(&given);
+}
+
 KERNEL(draw_now) {
     TAKE("d2d1d1xxB1B3!");
     Py_ssize_t size = LENGTH(0, 0), side = LENGTH(4, 1), cells = side * side;
@@ -950,15 +1002,10 @@ KERNEL(common_motion) {
     TAKE("d1d1d1l1d2l1l1xxd1!B1!");
     Py_ssize_t size = LENGTH(0, 0), scans = LENGTH(3, 0), pairs = LENGTH(5, 0);
     const int64_t *sizes = ARRAY(3)->buf, *one = ARRAY(5)->buf, *other = ARRAY(6)->buf;
-    int64_t sum = 0;
-    int fits = LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(4, 0) == scans && LENGTH(4, 1) == 3 && LENGTH(6, 0) == pairs &&
+    int fits = LENGTH(1, 0) == size && LENGTH(2, 0) == size && sizes_fit(&given, 3, scans, size) && LENGTH(4, 0) == scans && LENGTH(4, 1) == 3 && LENGTH(6, 0) == pairs &&
                LENGTH(7, 0) == 3 && LENGTH(8, 0) == size;
-    for (Py_ssize_t s = 0; fits && s < scans; s++) {
-        fits = sizes[s] >= 0 && sizes[s] <= size - sum;
-        sum += sizes[s];
-    }
     for (Py_ssize_t g = 0; fits && g < pairs; g++) fits = one[g] >= 0 && one[g] < size && other[g] >= 0 && other[g] < size;
-    if (!sized(&given, fits && sum == size)) return NULL;
+    if (!sized(&given, fits)) return NULL;
     const double *cos = ARRAY(0)->buf, *sin = ARRAY(1)->buf, *rate = ARRAY(2)->buf;
     double apart = given.number[0], tolerance = given.number[1], *out = ARRAY(7)->buf, *slope = malloc((3 * size + 1) * sizeof *slope);
     uint8_t *explained = ARRAY(8)->buf;
@@ -1020,7 +1067,7 @@ KERNEL(common_motion) {
 
 #define ENTRY(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, "As reference." #name "."}
 static PyMethodDef methods[] = {
-    ENTRY(moved),     ENTRY(draw_now),  ENTRY(draw_past), ENTRY(draw_passes), ENTRY(draw_looks),   ENTRY(bilinear), ENTRY(add_clamped),
+    ENTRY(moved),     ENTRY(polar),     ENTRY(deviations), ENTRY(draw_now),  ENTRY(draw_past), ENTRY(draw_passes), ENTRY(draw_looks),   ENTRY(bilinear), ENTRY(add_clamped),
     ENTRY(note_views), ENTRY(add_looks), ENTRY(elfes),    ENTRY(look),        ENTRY(add_measured), ENTRY(usual),
     ENTRY(signals),   ENTRY(quantities), ENTRY(fold), ENTRY(odds), ENTRY(beside), ENTRY(common_motion),
     ENTRY(read_out),  ENTRY(percent),

@@ -55,6 +55,31 @@ def moved(points: Floats, x: float, y: float, cos: float, sin: float, out: Float
     out[:, 0] = there
 
 
+def polar(range_: Floats, cos: Floats, sin: Floats, sizes: Integers, places: Floats, out: Floats) -> None:
+    """Points (N, 2) of scans, `sizes` (S,) of each, in the frame in which the sensors are at places (S, 4): x, y, cosine and sine of yaw.
+    `cos` and `sin` (N,): of the points' azimuths."""
+    x, y, c, s = np.repeat(places, sizes, axis=0).T
+    along, aside = range_ * cos, range_ * sin
+    out[:, 0] = c * along - s * aside + x
+    out[:, 1] = s * along + c * aside + y
+
+
+def deviations(
+    cos: Floats, sin: Floats, rate: Floats, sizes: Integers, scans: Floats, by_rate: float, by_azimuth: float, by_speed: float, out: Floats
+) -> None:
+    """(N,) how many sigmas range rates are off those of standing points, for scans, `sizes` (S,) of each.
+
+    `cos` and `sin` (N,): of the bearings in base. scans (S, 4): the sensor's velocity in base (m/s, x and y), the Doppler ambiguity
+    interval (m/s; 0: none), the sigma that turning adds (m/s). Of the others' sigmas: m/s, rad, and a share of the rate that is expected.
+    """
+    vx, vy, interval, turning = np.repeat(scans, sizes, axis=0).T
+    expected, slope = -(vx * cos + vy * sin), vx * sin - vy * cos
+    left, known = rate - expected, np.where(interval > 0, interval, 1.0)
+    left = np.where(interval > 0, left - known * np.rint(left / known), left)
+    azimuth, speed = slope * by_azimuth, expected * by_speed
+    out[:] = np.abs(left) / np.sqrt(by_rate * by_rate + azimuth * azimuth + speed * speed + turning * turning)
+
+
 def draw_now(points: Floats, rcs: Floats, deviation: Floats, half: float, cell: float, table: Bytes, out: Bytes) -> None:
     """(3, H, W): how many of the points a cell has as `table` (256,) has it, the strongest (dBsm, NaN unknown), the least deviation."""
     cells = patch_cells(points, half, cell, out.shape[1])

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from echogrid.core.kernels.cells import once
 from echogrid.core.messages import Floats
 from echogrid.core.motion.se2 import SE2
 
@@ -51,7 +52,7 @@ def convention(motion: Floats, told: Floats, point: SE2) -> Convention | None:
     turned = np.interp(told[:, 3], time, yaw)
     at = np.interp(told[:, 0], time, path) + complex(point.x, point.y) * np.exp(1j * np.interp(told[:, 0], time, yaw))
     driven = np.interp(told[:, 0], time, way)
-    legs = np.unique(np.searchsorted(driven, np.arange(driven[0], driven[-1], LEG)))
+    legs = once(np.searchsorted(driven, np.arange(driven[0], driven[-1], LEG)))
     if len(legs) <= LEGS:
         return None
     moved, reckoned = np.diff(told[legs, 1] + 1j * told[legs, 2]), np.diff(at[legs])

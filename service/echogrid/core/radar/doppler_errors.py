@@ -33,7 +33,7 @@ class DopplerErrors:
 
     def add(self, placed: Sequence[PlacedScan], errors: ErrorFilter, noise: GateNoise) -> None:
         """One cycle's scans of trusted radars."""
-        moving = [one for one in placed if abs(one.ego.speed) >= SLOWEST and len(one.whole) >= LEAST]
+        moving = [one for one in placed if abs(one.ego.speed) >= SLOWEST and len(one.scan) >= LEAST]
         if not moving or errors.learns != "driving":
             return
         newest_ns = max(one.ego.stamp_ns for one in moving)
@@ -62,7 +62,7 @@ def equations(one: PlacedScan, errors: ErrorFilter, noise: GateNoise) -> tuple[F
     """Of each detection the derivatives of its range rate by the errors (N, 7), in the order of `rows_of`; what the estimated errors leave
     of it (N,) m/s; and its weight (N,), an inverse variance, 0 for what does not stand.
     """
-    scan, place, ego = one.whole, one.mount.base_from_sensor, one.ego
+    scan, place, ego = one.scan, one.mount.base_from_sensor, one.ego
     rows = rows_of(errors, scan.sensor)
     scale, bias, turn_scale, delay, yaw, stretch, rate = errors.mean[rows].tolist()
     wheels, gyro = ego.speed / (1.0 + errors.scale), ego.yaw_rate + errors.bias

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from echogrid.core.kernels.dispatch import loops
-from echogrid.core.messages import RadarScan
-from echogrid.core.radar.mount import Mount
+from echogrid.core.radar.sweep import Sweep
 
 TOLERANCE = 0.4  # m/s: three sigmas of a range rate
 LEAST = 8  # detections: fewer explain themselves
@@ -30,23 +28,24 @@ class DopplerMotion(NamedTuple):
     breadth: float = 1.0
 
 
-def doppler_motion(scans: Sequence[tuple[RadarScan, Mount]]) -> DopplerMotion | None:
+def doppler_motion(sweep: Sweep) -> DopplerMotion | None:
     """Of many guesses, each from two detections, the one that most agree with, refined by least squares over those.
 
     A standing point's range rate is linear in both: -cos(b) speed + (y cos(b) - x sin(b)) yaw_rate, for its bearing b in base from a mount
-    at (x, y). None for fewer than LEAST detections, or all in one direction.
+    at (x, y). Detections beyond the mounts' range do not count. None for fewer than LEAST, or all in one direction.
     """
-    sizes = [len(scan) for scan, _ in scans]
-    if sum(sizes) < LEAST:
+    sizes, rate, (cos, sin) = sweep.sizes, sweep.range_rate, sweep.bearing
+    if not sweep.near.all():
+        near = np.flatnonzero(sweep.near)
+        scan = sweep.of_each(np.arange(len(sizes)))[near]
+        sizes, rate, cos, sin = np.bincount(scan, minlength=len(sizes)), rate[near], cos[near], sin[near]
+    if len(rate) < LEAST:
         return None
-    sensors = [mount.base_from_sensor for _, mount in scans]
-    places = np.array([(sensor.x, sensor.y, scan.ambiguity) for sensor, (scan, _) in zip(sensors, scans, strict=True)])
-    bearing = np.concatenate([scan.azimuth + sensor.yaw for sensor, (scan, _) in zip(sensors, scans, strict=True)])
-    rate = np.concatenate([scan.range_rate for scan, _ in scans])  # (N,)
-    cos, sin = np.cos(bearing), np.sin(bearing)
+    sensors = [(one.mount.base_from_sensor, one.scan.ambiguity) for one in sweep.placed]
+    places = np.array([(sensor.x, sensor.y, ambiguity) for sensor, ambiguity in sensors])
     one, other = (PAIRS * len(rate)).astype(np.int64)
     motion, explained = np.empty(3), np.empty(len(rate), dtype=np.bool_)
-    loops.common_motion(cos, sin, rate, np.array(sizes), places, one, other, APART, TOLERANCE, motion, explained)
+    loops.common_motion(cos, sin, rate, sizes, places, one, other, APART, TOLERANCE, motion, explained)
     speed, yaw_rate, found = motion.tolist()
     if not found:
         return None

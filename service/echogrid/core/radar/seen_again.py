@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +12,9 @@ from echogrid.core.messages import Floats
 from echogrid.core.motion.error_filter import ErrorFilter
 from echogrid.core.motion.error_model import BIAS, HEADING, SCALE, TURN_SCALE, YAW, X, Y
 from echogrid.core.motion.odometry import STANDSTILL, EgoState
-from echogrid.core.radar.placed_scan import PlacedScan
 from echogrid.core.radar.sightings import LATEST_NS, Complex, Look, Pairs, Turned, look, pairs
 from echogrid.core.radar.static_gate import GateNoise
+from echogrid.core.radar.sweep import Sweep
 
 PERIOD_NS, BATCH = 200_000_000, 15  # of a look; looks that are compared at once
 SLOWEST = 1.0  # m/s: of a slower car nothing is learned
@@ -41,19 +40,19 @@ class SeenAgain:
         """Places begin anew."""
         self._looks: deque[Look] = deque()
         self._new = 0  # of them, not compared yet
-        self._scans: list[tuple[PlacedScan, Turned]] = []
+        self._scans: list[tuple[Sweep, Turned]] = []
         self._since_ns: int | None = None
         self._before: EgoState | None = None
         self._turned = Turned(np.zeros(3), np.zeros(3, np.complex128))
 
-    def add(self, placed: Sequence[PlacedScan], errors: ErrorFilter, noise: GateNoise) -> None:
+    def add(self, sweep: Sweep, errors: ErrorFilter, noise: GateNoise) -> None:
         """One cycle's scans of trusted radars."""
-        if errors.learns != "driving" or not placed:
+        if errors.learns != "driving":
             return
-        ego = max((one.ego for one in placed), key=lambda ego: ego.stamp_ns)
+        ego = sweep.newest
         self._go(ego, errors)
         if abs(ego.speed) >= SLOWEST:
-            self._scans += [(one, self._turned) for one in placed]
+            self._scans.append((sweep, self._turned))
         if self._since_ns is None:
             self._since_ns = ego.stamp_ns
         if ego.stamp_ns - self._since_ns < PERIOD_NS or not self._scans:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echogrid.core.messages import Floats
-from echogrid.core.radar.placed_scan import PlacedScan
 from echogrid.core.radar.static_gate import GateNoise, beside_movers
+from echogrid.core.radar.sweep import Sweep
 
 Complex = NDArray[np.complex128]
 SOONEST_NS, LATEST_NS = 2_000_000_000, 6_000_000_000  # between two sightings of a thing
@@ -60,28 +60,32 @@ class Pairs:
     by_yaw: Complex
 
 
-def look(scans: Sequence[tuple[PlacedScan, Turned]], numbers: Mapping[str, int], noise: GateNoise, most: int) -> Look | None:
-    """What stands in the scans of trusted radars, each with how the car had turned, evenly thinned to `most`; None where nothing does."""
-    placed, turned = zip(*scans, strict=True)
-    stands = []
-    for one in placed:
-        moving = one.sigmas > noise.sigmas
-        stands.append(~(moving | beside_movers(one.points, moving, noise)) & (one.whole.range > NEAREST))
+def look(sweeps: Sequence[tuple[Sweep, Turned]], numbers: Mapping[str, int], noise: GateNoise, most: int) -> Look | None:
+    """What stands in the scans of trusted radars, each sweep with how the car had turned, thinned to `most`; None where nothing does."""
+    placed = [one for sweep, _ in sweeps for one in sweep.placed]
+    stands, points = [], []
+    for sweep, _ in sweeps:
+        there = sweep.points([(0.0, 0.0, 0.0)] * len(sweep.placed))  # each in its sensor's frame
+        moving = sweep.sigmas > noise.sigmas
+        beside = np.concatenate([beside_movers(there[some], moving[some], noise) for some in sweep.slices()])
+        stands.append(~(moving | beside) & (sweep.range > NEAREST))
+        points.append(there)
     standing = np.flatnonzero(np.concatenate(stands))
     if len(standing) == 0:
         return None
     count = min(len(standing), most)
     kept = standing[np.arange(count) * len(standing) // count]
-    whose = np.repeat(np.arange(len(placed)), [len(one) for one in stands])[kept]
+    whose = np.repeat(np.arange(len(placed)), np.concatenate([sweep.sizes for sweep, _ in sweeps]))[kept]
     sensors = [one.ego.odom_from_base @ one.mount.base_from_sensor for one in placed]
     turn = np.exp(1j * np.array([one.yaw for one in sensors]))[whose]
     origin, car = (
         np.array([complex(one.x, one.y) for one in some])[whose] for some in (sensors, [one.ego.odom_from_base for one in placed])
     )
     radar = np.array([numbers[one.scan.sensor] for one in placed])[whose]
+    turned = [so_far for sweep, so_far in sweeps for _ in sweep.placed]
     so_far = Turned(np.array([one.sums for one in turned])[whose], np.array([one.moments for one in turned])[whose])
-    far = np.concatenate([one.whole.range for one in placed])[kept]
-    arm = np.concatenate([one.points for one in placed])[kept].view(np.complex128)[:, 0] * turn
+    far = np.concatenate([sweep.range for sweep, _ in sweeps])[kept]
+    arm = np.concatenate(points)[kept].view(np.complex128)[:, 0] * turn
     along, across = RANGE_NOISE**2 + EXTENT**2, (AZIMUTH_NOISE * far) ** 2 + EXTENT**2
     c, s = arm.real / far, arm.imag / far
     covariance = np.stack((along * c * c + across * s * s, (along - across) * c * s, along * s * s + across * c * c))

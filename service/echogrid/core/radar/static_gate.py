@@ -64,11 +64,17 @@ def deviation(
 
     A sigma grows with what an azimuth error does to the prediction: little ahead, most abeam.
     """
-    predicted, by_azimuth = static_range_rate(azimuth, mount, speed, yaw_rate)
-    lever = math.hypot(mount.base_from_sensor.x, mount.base_from_sensor.y)
-    variance = noise.range_rate**2 + (by_azimuth * noise.azimuth) ** 2 + (predicted * noise.speed) ** 2 + (lever * noise.yaw_rate) ** 2
-    sigmas: Floats = np.abs(fold(range_rate - predicted, ambiguity)) / np.sqrt(variance)
+    bearing = azimuth + mount.base_from_sensor.yaw
+    rows, sigmas = np.array([gate_row(mount, speed, yaw_rate, ambiguity, noise)]), np.empty(len(azimuth))
+    sizes = np.array([len(azimuth)])
+    loops.deviations(np.cos(bearing), np.sin(bearing), range_rate, sizes, rows, noise.range_rate, noise.azimuth, noise.speed, sigmas)
     return sigmas
+
+
+def gate_row(mount: Mount, speed: float, yaw_rate: float, ambiguity: float, noise: GateNoise) -> tuple[float, float, float, float]:
+    """Of a scan, as `deviations` has it: the sensor's velocity, the ambiguity interval, and the sigma that turning adds, all m/s."""
+    place = mount.base_from_sensor
+    return speed - yaw_rate * place.y, yaw_rate * place.x, ambiguity, math.hypot(place.x, place.y) * noise.yaw_rate
 
 
 def beside_movers(points: Floats, moving: NDArray[np.bool_], noise: GateNoise) -> NDArray[np.bool_]:

@@ -72,7 +72,7 @@ class RadarWatch:
         wild = 0.0 if not len(scan) else 1.0 - self._possible(scan) / len(scan)
         self._wild += (wild - self._wild) * (1.0 - math.exp(-step / SHORT))
         if not WILD / 2 < self._wild < WILD:
-            self.doubt("wild", self._wild >= WILD, f"broken: {self._wild:.0%} of its values are out of range")
+            self.doubt("wild", f"broken: {self._wild:.0%} of its values are out of range" if self._wild >= WILD else None)
         before, self.heard_ns, self._heard = self._heard, now_ns, _counters(self.health)
         if self._window_ns is None:
             self._begin_window(now_ns)
@@ -97,17 +97,17 @@ class RadarWatch:
     def look(self, scan: RadarScan, speed: float) -> None:
         """A scan that was placed, with its detections at any distance, and the car's speed."""
         step = 0.0 if self._last is None else min(max((scan.stamp_ns - self._last.stamp_ns) * NS, 0.0), LONGEST_STEP)
-        self.doubt("frozen", self._is_frozen(scan, speed), "frozen: it repeats one scan while the car moves")
-        self.doubt("blocked", scan.blockage >= BLIND, f"blocked: it says so itself ({scan.blockage:.0%})")
+        self.doubt("frozen", "frozen: it repeats one scan while the car moves" if self._is_frozen(scan, speed) else None)
+        self.doubt("blocked", f"blocked: it says so itself ({scan.blockage:.0%})" if scan.blockage >= BLIND else None)
         age = (scan.received_ns - scan.stamp_ns) * NS
         off = 0.0 if math.isnan(self._usual_age) else age - self._usual_age
-        late = "older" if off > 0 else "younger"
-        self.doubt("shifted", abs(off) > AGE_SHIFT, f"shifted in time: its scans are {abs(off) * 1e3:.0f} ms {late} than usual")
+        late = f"are {abs(off) * 1e3:.0f} ms {'older' if off > 0 else 'younger'} than usual" if abs(off) > AGE_SHIFT else None
+        self.doubt("shifted", late and f"shifted in time: its scans {late}")
         self._usual_lag = scan.lag if self._usual_lag is None else self._usual_lag
         lag = scan.lag - self._usual_lag
         self._usual_lag += lag * step / FORGIVEN  # a sender that restarted is trusted again after a while
-        when = "later" if lag > 0 else "earlier"
-        self.doubt("lags", abs(lag) > AGE_SHIFT, f"shifted in time: its scans come {abs(lag) * 1e3:.0f} ms {when} than their counter says")
+        late = f"come {abs(lag) * 1e3:.0f} ms {'later' if lag > 0 else 'earlier'} than their counter says" if abs(lag) > AGE_SHIFT else None
+        self.doubt("lags", late and f"shifted in time: its scans {late}")
         self._last = scan
         self._watched += step
         usual = step / min(max(self._watched, step, 1e-3), USUAL)  # a plain mean at first
@@ -148,9 +148,9 @@ class RadarWatch:
         self.heard_ns = self._window_ns = self._last = self.scarce = self._usual_lag = None
         self._repeated = 0
 
-    def doubt(self, fault: str, found: bool, sentence: str) -> None:
-        """Begins or ends a doubt."""
-        if found:
+    def doubt(self, fault: str, sentence: str | None) -> None:
+        """Begins a doubt, or ends it where there is no sentence."""
+        if sentence is not None:
             self.doubts = {**self.doubts, fault: sentence}  # a new dictionary: another thread may be reading the old one
         elif fault in self.doubts:
             self.doubts = {key: value for key, value in self.doubts.items() if key != fault}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from statistics import median
 from typing import Literal
@@ -16,6 +16,7 @@ from echogrid.core.radar.doppler_motion import doppler_motion
 from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
 from echogrid.core.radar.static_gate import GateNoise
+from echogrid.core.radar.sweep import Sweep
 from echogrid.core.trust.motion_watch import MotionWatch
 from echogrid.core.trust.mount_check import other_mount
 from echogrid.core.trust.radar_watch import FAST, LONGEST_STEP, NS, RadarWatch
@@ -56,67 +57,69 @@ class Watch:
         self.mapped_ns: int | None = None  # receipt of the newest scan in the map
         self.why_empty: str | None = None  # why a new map was started
         self._judged_ns: int | None = None
-        self._known: deque[tuple[int, Floats]] = deque()  # stamp of a scan, and where its static detections lie, (N, 2) m in odom
+        self._known: deque[tuple[int, int, Floats]] = deque()  # newest stamp, scans, and where static detections lie, (N, 2) m in odom
 
-    def judge(self, placed: Sequence[PlacedScan]) -> None:
-        """One cycle's scans, at least one: `motion.disputed` and the radars' `doubts` follow."""
-        newest = max(placed, key=lambda one: one.ego.stamp_ns).ego
-        for one in placed:
-            self.radars[one.scan.sensor].look(one.whole, one.ego.speed)
+    def judge(self, sweep: Sweep) -> None:
+        """One cycle's scans: `motion.disputed` and the radars' `doubts` follow."""
+        newest, sigmas = sweep.newest, self.noise.sigmas
+        for one in sweep.placed:
+            self.radars[one.scan.sensor].look(one.scan, one.ego.speed)
         step = 0.0 if self._judged_ns is None else min(max((newest.stamp_ns - self._judged_ns) * NS, 0.0), LONGEST_STEP)
         self._judged_ns = newest.stamp_ns
-        trusted = [one for one in placed if not self.radars[one.scan.sensor].doubts] or placed
-        fitting = np.concatenate([one.deviation for one in trusted]) <= self.noise.sigmas
-        support = float(fitting.mean()) if len(fitting) else 0.0
-        seen = doppler_motion([(one.scan, one.mount) for one in trusted])
-        if not self.motion.compare(newest.stamp_ns, newest.speed, newest.yaw_rate, support, seen):
-            self._compare_with_motion(placed, step)
-        self._compare_with_each_other(placed)
-        self._remember(placed, newest.stamp_ns)
+        trusted = sweep.only([not self.radars[one.scan.sensor].doubts for one in sweep.placed], self.noise) or sweep
+        asked, standing = int(np.count_nonzero(trusted.near)), int(np.count_nonzero(trusted.stands(sigmas)))
+        support = standing / asked if asked else 0.0
+        if not self.motion.compare(newest.stamp_ns, newest.speed, newest.yaw_rate, support, doppler_motion(trusted)):
+            self._compare_with_motion(sweep, step)
+        self._compare_with_each_other(sweep)
+        self._remember(sweep)
 
-    def _compare_with_motion(self, placed: Sequence[PlacedScan], step: float) -> None:
-        for one in placed:
+    def _compare_with_motion(self, sweep: Sweep, step: float) -> None:
+        for one, some in zip(sweep.placed, sweep.slices(), strict=True):
             if abs(one.ego.speed) < FAST:
                 continue
-            radar = self.radars[one.scan.sensor]
-            radar.agree(int(np.count_nonzero(one.deviation <= self.noise.sigmas)), len(one.deviation), step)
+            radar, near = self.radars[one.scan.sensor], sweep.near[some]
+            asked = int(np.count_nonzero(near))
+            radar.agree(int(np.count_nonzero(near & (sweep.sigmas[some] <= self.noise.sigmas))), asked, step)
             share = radar.agreement
             if share is not None and share >= FINE:
-                radar.doubt("odd", False, "")
-            elif share is not None and share < ODD and len(one.scan) and float(np.std(one.scan.azimuth)) > WIDE:
-                other = other_mount(one.scan, one.mount, one.ego, self.noise)
+                radar.doubt("odd", None)
+            elif share is not None and share < ODD and asked and float(np.std(one.scan.azimuth[near])) > WIDE:
+                other = other_mount(one.scan.chosen(near), one.mount, one.ego, self.noise)
                 mount = f"yaw {other.yaw_deg:.0f}°{', azimuth reversed' if other.mirrored else ''} ({other.share:.0%})"
                 if other.share >= EXPLAINS:
-                    radar.doubt("odd", True, f"at odds with ego motion ({share:.0%} of its detections fit): swapped, or mounted at {mount}")
+                    radar.doubt("odd", f"at odds with ego motion ({share:.0%} of its detections fit): swapped, or mounted at {mount}")
 
-    def _compare_with_each_other(self, placed: Sequence[PlacedScan]) -> None:
+    def _compare_with_each_other(self, sweep: Sweep) -> None:
         """A radar is blind if it misses what it could have seen: few detections beside an open field are no fault."""
-        for one in placed:
+        for one in sweep.placed:
             radar = self.radars[one.scan.sensor]
-            others = [other.sees for name, other in self.radars.items() if name != one.scan.sensor]
             if radar.sees > ENOUGH:
                 radar.missed = 0.0
-                radar.doubt("blind", False, "")
-            elif radar.sees < FEW and others and median(others) > OTHERS:
+                radar.doubt("blind", None)
+                continue
+            others = [other.sees for name, other in self.radars.items() if name != one.scan.sensor]
+            if radar.sees < FEW and others and median(others) > OTHERS:
                 radar.missed += min(radar.usual, self._in_view(one))
                 if radar.missed > COULD_SEE:
                     seen = f"it sees {radar.sees:.0%} of its usual detections"
-                    radar.doubt("blind", True, f"blocked: {seen}, the other radars see theirs")
+                    radar.doubt("blind", f"blocked: {seen}, the other radars see theirs")
 
     def _in_view(self, one: PlacedScan) -> float:
         """How many detections a scan from here might have, by what lay in its field of view in the scans of the last seconds."""
         if not self._known:
             return 0.0
-        points = np.concatenate([points for _, points in self._known])
+        points = np.concatenate([points for _, _, points in self._known])
         in_view = np.count_nonzero(one.mount.sees(one.ego.odom_from_base.inverse().apply(points)))
-        return in_view * len(self.radars) / len(self._known)
+        return in_view * len(self.radars) / sum(scans for _, scans, _ in self._known)
 
-    def _remember(self, placed: Sequence[PlacedScan], now_ns: int) -> None:
-        for one in placed:
-            static = one.points[(one.sigmas <= self.noise.sigmas) & one.near]
-            odom_from_sensor = one.ego.odom_from_base @ one.mount.base_from_sensor
-            self._known.append((one.ego.stamp_ns, odom_from_sensor.apply(static)))
-        while self._known and now_ns - self._known[0][0] > KNOWN_NS:
+    def _remember(self, sweep: Sweep) -> None:
+        now_ns = sweep.newest.stamp_ns
+        sensors = [one.ego.odom_from_base @ one.mount.base_from_sensor for one in sweep.placed]
+        points = sweep.points((sensor.x, sensor.y, sensor.yaw) for sensor in sensors)
+        static = points[sweep.stands(self.noise.sigmas)]
+        self._known.append((now_ns, len(sweep.placed), static))
+        while now_ns - self._known[0][0] > KNOWN_NS:
             self._known.popleft()
 
     def restart(self, why: str) -> None:

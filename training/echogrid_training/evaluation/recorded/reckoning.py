@@ -19,6 +19,7 @@ from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
 from echogrid.core.radar.seen_again import SeenAgain
 from echogrid.core.radar.static_gate import GateNoise
+from echogrid.core.radar.sweep import Sweep
 from echogrid.errors import EchogridError
 from echogrid.logs.drive import Truth, find_drive, load_truth
 from echogrid.logs.log import Log
@@ -95,7 +96,8 @@ def reckon(heard: Heard, learns: Learns, kept: Kept | None = None, *, same_drive
         end_ns = now_ns // CYCLE_NS * CYCLE_NS + CYCLE_NS
         placed = _placed(waiting, odometry, heard.mounts)
         doppler.add(placed, errors, heard.noise)
-        again.add(placed, errors, heard.noise)
+        if placed:
+            again.add(Sweep.of(placed, heard.noise), errors, heard.noise)
         waiting = []
         if odometry.states:
             newest = odometry.states[-1]
@@ -129,7 +131,7 @@ def _placed(scans: Sequence[RadarScan], odometry: Odometry, mounts: dict[str, Mo
     for scan in scans:
         ego = odometry.at(scan.stamp_ns)
         if ego is not None:
-            placed.append(PlacedScan.of(scan, mounts[scan.sensor], ego, GateNoise()))
+            placed.append(PlacedScan(scan, mounts[scan.sensor], ego))
     return placed
 
 
