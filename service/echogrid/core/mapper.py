@@ -229,7 +229,7 @@ class Mapper:
         trusted = [not self.watch.radars[one.scan.sensor].doubts for one in placed]
         for one, is_trusted in zip(placed, trusted, strict=True):
             self.health.sensors[one.scan.sensor].distrusted += not is_trusted
-        return sweep.only(trusted, self.noise)
+        return sweep.only(trusted, self.noise) if any(trusted) else None
 
     def _gate(self, found: Detections) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Which of them their own range rates call standing, and which lie between moving ones."""
@@ -237,21 +237,19 @@ class Mapper:
         return standing, beside_movers(found.points, ~standing, self.noise)
 
     def _judged(self, sweep: Sweep, found: Detections, standing: NDArray[np.bool_], beside: NDArray[np.bool_]) -> Judged:
-        radars = sweep.of_each(np.array([self._numbers[one.scan.sensor] for one in sweep.placed], np.uint8))[sweep.near]
-        verdicts = np.full(len(standing), Judged.STATIC, np.uint8)
-        verdicts[beside] = Judged.BESIDE
-        verdicts[~standing] = Judged.MOVING
+        radars = np.array([self._numbers[one.scan.sensor] for one in sweep.placed], np.uint8).take(sweep.scan[sweep.near])
+        verdicts = np.where(standing, np.where(beside, np.uint8(Judged.BESIDE), np.uint8(Judged.STATIC)), np.uint8(Judged.MOVING))
         return Judged(found.points, radars, verdicts)
 
     def _beams(self, sweep: Sweep, found: Detections, now: EgoState) -> Beams:
         """Their static detections as far as the map reaches, which may be farther than a network is shown."""
         far = sweep.range <= self.map.reach
-        radars = sweep.of_each(np.array([1 << self._numbers[one.scan.sensor] for one in sweep.placed], np.uint16))[far]
-        reached = found.chosen(far)
+        reached, scan = found.chosen(far), sweep.scan[far]
         standing, beside = self._gate(reached)
         static = standing & ~beside
         kept = reached.chosen(static).moved(now.odom_from_base)
-        return Beams(kept.points, kept.origins, radars[static])
+        bits = np.array([1 << self._numbers[one.scan.sensor] for one in sweep.placed], np.uint16)
+        return Beams(kept.points, kept.origins, bits.take(scan[static]))
 
     def _looks(self, placed: Sequence[PlacedScan], now: EgoState) -> Looks:
         """From where the scans were measured, in base at `now`."""
@@ -273,7 +271,7 @@ class Mapper:
 
 def _detections(sweep: Sweep, looks: Looks) -> Detections:
     """All of the sweep, moving ones too, in the frame of the looks: each from where its radar was when it was measured."""
-    return Detections(sweep.points(looks.place.tolist()), sweep.of_each(looks.place[:, :2]), sweep.rcs, sweep.sigmas)
+    return Detections(sweep.points(looks.place.tolist()), looks.place[:, :2].take(sweep.scan, axis=0), sweep.rcs, sweep.sigmas)
 
 
 def in_view(mounts: Mapping[str, Mount], spec: GridSpec) -> dict[str, NDArray[np.uint16]]:

@@ -210,7 +210,7 @@ def _mend(radars: Sequence[RadarTrack], recorded: Recorded, best: Hypothesis) ->
         out.append(
             replace(
                 radar,
-                mount=replace(radar.mount, base_from_sensor=replace(place, yaw=place.yaw + one.yaw)),
+                mount=replace(radar.mount, base_from_sensor=place._replace(yaw=place.yaw + one.yaw)),
                 azimuth=radar.azimuth * one.azimuth_sign,
                 range_rate=radar.range_rate * one.rate_sign * one.rate_scale,
             )

@@ -9,6 +9,7 @@ import pytest
 
 from echogrid.core.messages import Speed, YawRate
 from echogrid.core.motion.odometry import Odometry
+from echogrid.core.motion.se2 import arc
 
 MS = 1_000_000
 
@@ -72,7 +73,8 @@ def test_between_two_samples_the_pose_lies_on_their_arc() -> None:
     middle_ns = (before.stamp_ns + after.stamp_ns) // 2
     middle = odometry.at(middle_ns)
     assert middle is not None
-    half = before.ahead(middle_ns - before.stamp_ns)
+    seconds = (middle_ns - before.stamp_ns) * 1e-9
+    half = before.odom_from_base @ arc(before.speed * seconds, before.yaw_rate * seconds)
     assert math.hypot(middle.odom_from_base.x - half.x, middle.odom_from_base.y - half.y) < 1e-9
     there = odometry.at(after.stamp_ns)
     assert there is not None

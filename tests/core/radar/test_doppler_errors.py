@@ -25,7 +25,7 @@ def placed(name: str, rate_off: float = 0.0, ambiguity: float = 0.0, stamp_ns: i
     azimuth = np.linspace(-1.2, 1.2, 25)
     rate, _ = static_range_rate(azimuth, MOUNTS[name], EGO.speed, EGO.yaw_rate)
     scan = RadarScan(name, stamp_ns, stamp_ns, np.full(25, 9.0), azimuth, rate + rate_off, np.zeros(25), ambiguity)
-    return PlacedScan(scan, MOUNTS[name], replace(EGO, stamp_ns=stamp_ns))
+    return PlacedScan(scan, MOUNTS[name], EGO._replace(stamp_ns=stamp_ns))
 
 
 def test_derivatives_equal_finite_differences() -> None:
@@ -95,7 +95,7 @@ def test_what_stands_is_within_the_sigmas_of_noise_and_doubt_together() -> None:
 @pytest.mark.parametrize(("count", "shared"), [(8, 1.0), (10, 1.0), (25, 2.5)])
 def test_weights_are_inverse_variances_which_grow_abeam(count: int, shared: float) -> None:
     """Straight ahead at 9 m/s: an error of azimuth changes the range rate by 9 m/s times the bearing's sine."""
-    errors, ego = ErrorFilter(tuple(MOUNTS)), replace(EGO, yaw_rate=0.0)
+    errors, ego = ErrorFilter(tuple(MOUNTS)), EGO._replace(yaw_rate=0.0)
     errors.acceleration = SLIPPING  # which doubles a variance
     azimuth = np.linspace(-1.2, 1.2, count)
     rate, _ = static_range_rate(azimuth, MOUNTS["rear_left"], ego.speed, 0.0)

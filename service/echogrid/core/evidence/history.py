@@ -36,7 +36,8 @@ class Detections:
         """Those of a mask (N,)."""
         if which.all():
             return self
-        return Detections(self.points[which], self.origins[which], self.rcs[which], self.deviation[which])
+        some = np.flatnonzero(which)
+        return Detections(self.points.take(some, axis=0), self.origins.take(some, axis=0), self.rcs.take(some), self.deviation.take(some))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -63,8 +63,9 @@ class HistoryRaster:
 
     def _passes(self, around: Surroundings, plane: Bytes) -> None:
         """Counted in blocks, all of a block's cells alike."""
-        some = np.flatnonzero(around.age <= MIDDLE)[-MOST_RAYS:]
-        origins, points = around.past.origins[some], around.past.points[some]
+        newest = slice(-MOST_RAYS, None)  # ages fall
+        some = np.flatnonzero(around.age[newest] <= MIDDLE)
+        origins, points = around.past.origins[newest].take(some, axis=0), around.past.points[newest].take(some, axis=0)
         way = (points - origins).astype(np.float32)
         step, margin = RAY_STEP * self.spec.cell, RAY_MARGIN * self.spec.cell
         loops.draw_passes(origins.astype(np.float32), way, np.hypot(*way.T), self.spec.half, step, margin, RAY_STEP, COUNT, plane)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from echogrid.core.messages import EgoMotion, Speed, YawRate
 from echogrid.core.motion.error_filter import ErrorFilter
@@ -14,18 +14,13 @@ NS = 1e-9
 STANDSTILL = 0.02  # m/s: below, the wheels stand still and the yaw rate is only bias and noise
 
 
-@dataclass(frozen=True, slots=True)
-class EgoState:
+class EgoState(NamedTuple):
     """Where the car is and how it moves at `stamp_ns`; the yaw rate is 0 while the wheels stand still."""
 
     stamp_ns: int
     odom_from_base: SE2
     speed: float  # m/s
     yaw_rate: float  # rad/s
-
-    def ahead(self, step_ns: int) -> SE2:
-        """`odom_from_base` after `step_ns` more of the same motion: an exact arc."""
-        return self.odom_from_base @ arc(self.speed * step_ns * NS, self.yaw_rate * step_ns * NS)
 
 
 class Odometry:
@@ -53,6 +48,7 @@ class Odometry:
         self.speed: Speed | None = None
         self.yaw_rate: YawRate | None = None
         self.states: list[EgoState] = []
+        self._stamps: list[int] = []  # theirs
         self.distance = 0.0  # m, travelled, forward and backward alike
         self.gaps = 0
         self.standstill = Standstill()
@@ -82,13 +78,13 @@ class Odometry:
     def restart(self) -> None:
         """There is no pose until speed and yaw rate are known again, and then it is the identity. What was learned of them stays."""
         self.speed = self.yaw_rate = None
-        self.states = []
+        self.states, self._stamps = [], []
         self.standstill.restart()
         self.errors.restart()
 
     def at(self, stamp_ns: int) -> EgoState | None:
         """The state at a time: on the arc between two samples, or a little past the newest. None outside."""
-        index = bisect_right(self.states, stamp_ns, key=lambda state: state.stamp_ns)
+        index = bisect_right(self._stamps, stamp_ns)
         if index == 0:
             return None
         before = self.states[index - 1]
@@ -96,13 +92,13 @@ class Odometry:
         if index == len(self.states):
             if step_ns > self.max_extrapolation_ns:
                 return None
-            return EgoState(stamp_ns, before.ahead(step_ns), before.speed, before.yaw_rate)
+            return EgoState(stamp_ns, _ahead(before, before.speed, before.yaw_rate, step_ns), before.speed, before.yaw_rate)
         after = self.states[index]
         length_ns = after.stamp_ns - before.stamp_ns
         if length_ns > self.max_gap_ns:
             return None
         share = step_ns / length_ns
-        pose = _mean_motion(before, after.speed, after.yaw_rate, stamp_ns).ahead(step_ns)
+        pose = _ahead(before, (before.speed + after.speed) / 2, (before.yaw_rate + after.yaw_rate) / 2, step_ns)
         return EgoState(
             stamp_ns,
             pose,
@@ -115,7 +111,7 @@ class Odometry:
         if abs(wheels.speed) < STANDSTILL:
             yaw_rate = 0.0
         if not self.states:
-            self.states.append(EgoState(stamp_ns, IDENTITY, speed, yaw_rate))
+            self._keep(EgoState(stamp_ns, IDENTITY, speed, yaw_rate))
             return
         before = self.states[-1]
         step_ns = stamp_ns - before.stamp_ns
@@ -125,16 +121,20 @@ class Odometry:
         if step_ns > self.max_gap_ns:
             self.gaps += 1
         else:
-            mean = _mean_motion(before, speed, yaw_rate, stamp_ns)
-            pose = mean.ahead(step_ns)
-            self.distance += abs(mean.speed) * step_ns * NS
+            mean_speed = (before.speed + speed) / 2
+            pose = _ahead(before, mean_speed, (before.yaw_rate + yaw_rate) / 2, step_ns)
+            self.distance += abs(mean_speed) * step_ns * NS
             self.errors.travel(before.odom_from_base, pose, step_ns * NS, wheels.speed, gyro, wheels.difference)
-        self.states.append(EgoState(stamp_ns, pose, speed, yaw_rate))
-        if stamp_ns - self.states[0].stamp_ns > 2 * self.history_ns:  # cut in large pieces: cutting a list moves all of it
-            keep = bisect_right(self.states, stamp_ns - self.history_ns, key=lambda state: state.stamp_ns)
-            del self.states[: keep - 1]
+        self._keep(EgoState(stamp_ns, pose, speed, yaw_rate))
+        if stamp_ns - self._stamps[0] > 2 * self.history_ns:  # cut in large pieces: cutting a list moves all of it
+            keep = bisect_right(self._stamps, stamp_ns - self.history_ns)
+            del self.states[: keep - 1], self._stamps[: keep - 1]
+
+    def _keep(self, state: EgoState) -> None:
+        self.states.append(state)
+        self._stamps.append(state.stamp_ns)
 
 
-def _mean_motion(before: EgoState, speed: float, yaw_rate: float, stamp_ns: int) -> EgoState:
-    """`before`, moving with the mean of its motion and that at the arc's other end."""
-    return EgoState(stamp_ns, before.odom_from_base, (before.speed + speed) / 2, (before.yaw_rate + yaw_rate) / 2)
+def _ahead(before: EgoState, speed: float, yaw_rate: float, step_ns: int) -> SE2:
+    """`odom_from_base` after `step_ns` of this motion: an exact arc."""
+    return before.odom_from_base @ arc(speed * step_ns * NS, yaw_rate * step_ns * NS)

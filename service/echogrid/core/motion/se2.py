@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,7 @@ from echogrid.core.kernels.dispatch import loops
 Points = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class SE2:
+class SE2(NamedTuple):
     """`a_from_b`: the pose of frame b in frame a. Metres and radians, x forward, y left, yaw counter-clockwise (ISO 8855)."""
 
     x: float

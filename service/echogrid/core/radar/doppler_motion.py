@@ -37,8 +37,7 @@ def doppler_motion(sweep: Sweep) -> DopplerMotion | None:
     sizes, rate, (cos, sin) = sweep.sizes, sweep.range_rate, sweep.bearing
     if not sweep.near.all():
         near = np.flatnonzero(sweep.near)
-        scan = sweep.of_each(np.arange(len(sizes)))[near]
-        sizes, rate, cos, sin = np.bincount(scan, minlength=len(sizes)), rate[near], cos[near], sin[near]
+        sizes, rate, cos, sin = np.array(sweep.counted(sweep.near)), rate.take(near), cos.take(near), sin.take(near)
     if len(rate) < LEAST:
         return None
     sensors = [(one.mount.base_from_sensor, one.scan.ambiguity) for one in sweep.placed]

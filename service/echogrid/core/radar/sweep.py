@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any
+from itertools import compress, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +23,7 @@ class Sweep:
 
     placed: Sequence[PlacedScan]
     sizes: NDArray[np.int64]  # (S,) detections of each
+    scan: NDArray[np.int64]  # (N,) each one's, by its number
     range: Floats  # (N,) m
     azimuth: tuple[Floats, Floats]  # (N,) its cosine and sine
     bearing: tuple[Floats, Floats]  # (N,) in base: cosine and sine
@@ -37,22 +37,20 @@ class Sweep:
         """At least one scan."""
         scans = [one.scan for one in placed]
         sizes = np.array([len(scan) for scan in scans])
-        columns = [(scan.range, scan.azimuth, scan.range_rate, scan.rcs) for scan in scans]
+        scan = np.repeat(np.arange(len(scans)), sizes)
+        columns = [(one.range, one.azimuth, one.range_rate, one.rcs) for one in scans]
         ranges, azimuth, rate, rcs = (np.concatenate(column) for column in zip(*columns, strict=True))
-        yaw, reach = np.repeat([(one.mount.base_from_sensor.yaw, one.mount.max_range) for one in placed], sizes, axis=0).T
+        yaw, reach = np.array([(one.mount.base_from_sensor.yaw, one.mount.max_range) for one in placed]).T.take(scan, axis=1)
         bearing = azimuth + yaw
         cos, sin = np.cos(bearing), np.sin(bearing)
         rows = np.array([gate_row(one.mount, one.ego.speed, one.ego.yaw_rate, one.scan.ambiguity, noise) for one in placed])
         sigmas = np.empty(len(rate))
         loops.deviations(cos, sin, rate, sizes, rows, noise.range_rate, noise.azimuth, noise.speed, sigmas)
-        return Sweep(placed, sizes, ranges, (np.cos(azimuth), np.sin(azimuth)), (cos, sin), rate, rcs, sigmas, ranges <= reach)
+        return Sweep(placed, sizes, scan, ranges, (np.cos(azimuth), np.sin(azimuth)), (cos, sin), rate, rcs, sigmas, ranges <= reach)
 
-    def only(self, which: Sequence[bool], noise: GateNoise) -> Sweep | None:
-        """Of some of the scans; None where that are none of them."""
-        if all(which):
-            return self
-        some = [one for one, is_wanted in zip(self.placed, which, strict=True) if is_wanted]
-        return Sweep.of(some, noise) if some else None
+    def only(self, which: Sequence[bool], noise: GateNoise) -> Sweep:
+        """Of some of the scans, at least one."""
+        return self if all(which) else Sweep.of(list(compress(self.placed, which)), noise)
 
     @property
     def newest(self) -> EgoState:
@@ -68,9 +66,10 @@ class Sweep:
         """(N,) what is near, and at most so many sigmas off a standing thing."""
         return (self.sigmas <= sigmas) & self.near
 
-    def of_each(self, values: Any) -> NDArray[Any]:
-        """(S, …) of the scans to (N, …) of their detections."""
-        return np.repeat(values, self.sizes, axis=0)
+    def counted(self, which: NDArray[np.bool_]) -> list[int]:
+        """(S,) how many of a mask (N,) are each scan's."""
+        found: list[int] = np.bincount(self.scan[which], minlength=len(self.placed)).tolist()
+        return found
 
     def points(self, sensors: Iterable[tuple[float, float, float]]) -> Floats:
         """(N, 2) m, in the frame in which the scans' sensors (S) are at x, y (m) and yaw (rad)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from operator import attrgetter
 
 import numpy as np
 
@@ -32,6 +33,9 @@ LOSSES = {
     "repeated": "repeated frames",
     "wrong_cycle": "frames of a wrong cycle",
 }
+_counters = attrgetter("complete", *LOSSES)  # of a sensor's health
+SCANS = 4  # the first of them: complete scans, and those that were lost
+Counts = tuple[int, ...]
 
 
 class RadarWatch:
@@ -48,7 +52,8 @@ class RadarWatch:
         self.scarce: str | None = None  # a sentence where scans are missing of late
         self.missed = 0.0  # detections that it could have had while it saw next to nothing
         self.sees = 1.0  # its detections of the last second, as a share of the usual
-        self._heard = self._window = _counters(health)  # counters at `heard_ns`, and when the running window began
+        self._heard: Counts = _counters(health)  # counters at `heard_ns`
+        self._window = self._heard  # and when the running window began
         self._window_ns: int | None = None
         self._longest_ns = 0  # silence in the running window, which is spoken of while it lasts
         self._lost = self._lost_then = 0  # scans lost in the running window but for that silence, and in it
@@ -77,13 +82,13 @@ class RadarWatch:
         if self._window_ns is None:
             self._begin_window(now_ns)
             return
-        lost = max(sum(self._heard[key] - before[key] for key in ("incomplete", "late", "bad_crc")), scan.missed)
+        lost = max(sum(self._heard[1:SCANS]) - sum(before[1:SCANS]), scan.missed)
         if away_ns > max(self._longest_ns, SILENT_NS):
             self._longest_ns, self._lost_then, lost = away_ns, lost, self._lost_then
         self._lost += lost
         seconds = (now_ns - self._window_ns - self._longest_ns) * NS
         if seconds >= WINDOW_NS * NS:
-            complete = self._heard["complete"] - self._window["complete"]
+            complete = self._heard[0] - self._window[0]
             share = complete / max(self._usual_rate * seconds, complete + self._lost)
             self.scarce = f"only {share:.0%} of its scans come whole{self._losses(self._window)}" if share < SCARCE else None
             if self.scarce is None:
@@ -173,12 +178,8 @@ class RadarWatch:
             self._repeated += len(scan)
         return self._repeated >= REPEATED
 
-    def _losses(self, before: dict[str, int]) -> str:
+    def _losses(self, before: Counts) -> str:
         """What was counted since, in words."""
-        counts = {key: getattr(self.health, key) - before[key] for key in LOSSES}
-        said = ", ".join(f"{count} {LOSSES[key]}" for key, count in counts.items() if count)
+        counts = (now - then for now, then in zip(_counters(self.health)[1:], before[1:], strict=True))
+        said = ", ".join(f"{count} {word}" for count, word in zip(counts, LOSSES.values(), strict=True) if count)
         return f" ({said})" if said else ""
-
-
-def _counters(health: SensorHealth) -> dict[str, int]:
-    return {key: getattr(health, key) for key in ("complete", *LOSSES)}

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import compress
 from statistics import median
 from typing import Literal
 
@@ -61,34 +62,42 @@ class Watch:
 
     def judge(self, sweep: Sweep) -> None:
         """One cycle's scans: `motion.disputed` and the radars' `doubts` follow."""
-        newest, sigmas = sweep.newest, self.noise.sigmas
+        newest = sweep.newest
         for one in sweep.placed:
             self.radars[one.scan.sensor].look(one.scan, one.ego.speed)
         step = 0.0 if self._judged_ns is None else min(max((newest.stamp_ns - self._judged_ns) * NS, 0.0), LONGEST_STEP)
         self._judged_ns = newest.stamp_ns
-        trusted = sweep.only([not self.radars[one.scan.sensor].doubts for one in sweep.placed], self.noise) or sweep
-        asked, standing = int(np.count_nonzero(trusted.near)), int(np.count_nonzero(trusted.stands(sigmas)))
-        support = standing / asked if asked else 0.0
-        if not self.motion.compare(newest.stamp_ns, newest.speed, newest.yaw_rate, support, doppler_motion(trusted)):
-            self._compare_with_motion(sweep, step)
+        asked, standing = sweep.counted(sweep.near), sweep.counted(sweep.stands(self.noise.sigmas))
+        are_trusted = [not self.radars[one.scan.sensor].doubts for one in sweep.placed]
+        are_trusted = are_trusted if any(are_trusted) else [True] * len(are_trusted)
+        support = sum(compress(standing, are_trusted)) / max(sum(compress(asked, are_trusted)), 1)
+        seen = doppler_motion(sweep.only(are_trusted, self.noise))
+        if not self.motion.compare(newest.stamp_ns, newest.speed, newest.yaw_rate, support, seen):
+            self._compare_with_motion(sweep, standing, asked, step)
         self._compare_with_each_other(sweep)
         self._remember(sweep)
 
-    def _compare_with_motion(self, sweep: Sweep, step: float) -> None:
-        for one, some in zip(sweep.placed, sweep.slices(), strict=True):
+    def _compare_with_motion(self, sweep: Sweep, standing: Sequence[int], asked: Sequence[int], step: float) -> None:
+        """`standing` of the `asked` detections of each scan fit ego motion."""
+        for one, fitting, count in zip(sweep.placed, standing, asked, strict=True):
             if abs(one.ego.speed) < FAST:
                 continue
-            radar, near = self.radars[one.scan.sensor], sweep.near[some]
-            asked = int(np.count_nonzero(near))
-            radar.agree(int(np.count_nonzero(near & (sweep.sigmas[some] <= self.noise.sigmas))), asked, step)
+            radar = self.radars[one.scan.sensor]
+            radar.agree(fitting, count, step)
             share = radar.agreement
             if share is not None and share >= FINE:
                 radar.doubt("odd", None)
-            elif share is not None and share < ODD and asked and float(np.std(one.scan.azimuth[near])) > WIDE:
-                other = other_mount(one.scan.chosen(near), one.mount, one.ego, self.noise)
-                mount = f"yaw {other.yaw_deg:.0f}°{', azimuth reversed' if other.mirrored else ''} ({other.share:.0%})"
-                if other.share >= EXPLAINS:
-                    radar.doubt("odd", f"at odds with ego motion ({share:.0%} of its detections fit): swapped, or mounted at {mount}")
+            elif share is not None and share < ODD:
+                self._ask_for_another_mount(radar, one, share)
+
+    def _ask_for_another_mount(self, radar: RadarWatch, one: PlacedScan, share: float) -> None:
+        near = one.scan.chosen(one.scan.range <= one.mount.max_range)
+        if not len(near) or float(np.std(near.azimuth)) <= WIDE:
+            return
+        other = other_mount(near, one.mount, one.ego, self.noise)
+        mount = f"yaw {other.yaw_deg:.0f}°{', azimuth reversed' if other.mirrored else ''} ({other.share:.0%})"
+        if other.share >= EXPLAINS:
+            radar.doubt("odd", f"at odds with ego motion ({share:.0%} of its detections fit): swapped, or mounted at {mount}")
 
     def _compare_with_each_other(self, sweep: Sweep) -> None:
         """A radar is blind if it misses what it could have seen: few detections beside an open field are no fault."""
