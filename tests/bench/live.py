@@ -22,7 +22,7 @@ from echogrid.live.service import Service, resident_mib
 from echogrid.logs.drive import find_drive
 from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
-from echogrid.topics.topic import FULL, Message
+from echogrid.topics.topic import FULL, Message, Topic
 
 DEMO = Path(__file__).parents[2] / "service" / "echogrid" / "demo_drive"
 
@@ -33,6 +33,10 @@ class Clock:
     def __init__(self) -> None:
         self.sent_at = 0.0
         self.delays: list[float] = []
+
+    def wants(self, topic: Topic) -> bool:
+        """Nothing for itself."""
+        return False
 
     def put(self, message: Message) -> None:
         """As of `topics.topic.Sink`."""

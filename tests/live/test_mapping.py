@@ -9,12 +9,17 @@ from types import SimpleNamespace
 
 import can
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from echogrid.can.frame_queue import FrameQueue
 from echogrid.can.intake.frames import FrameBatch
 from echogrid.config.tables import Publish
+from echogrid.core.evidence.raster import GridSpec
+from echogrid.core.map.occupancy import OccupancyMap
 from echogrid.core.mapper import MapUpdate
+from echogrid.core.motion.odometry import EgoState
+from echogrid.core.motion.se2 import SE2
 from echogrid.core.trust.watch import State
 from echogrid.live.mapping import MOST_LAG, Mapping
 
@@ -52,3 +57,31 @@ def test_a_map_that_is_more_than_a_second_behind_the_buses_is_stale() -> None:
     assert states[0].reasons[0].endswith(" s behind the buses")
     assert states[0].reasons[1] == "radar x: silent"
     assert states[1] == State("degraded", ("radar x: silent",))
+
+
+@pytest.mark.parametrize("comes", [False, True])
+def test_the_newest_map_goes_out_though_nobody_listened(comes: bool) -> None:
+    """To who comes, at once; for who comes later, when nothing newer does."""
+    queue, stop = FrameQueue(64, lambda bus, batch: np.zeros(len(batch), bool)), threading.Event()
+    mapper = SimpleNamespace(map=OccupancyMap(GridSpec(16, 0.25)), epoch=0, certainty=lambda ego: None)
+    pipeline = SimpleNamespace(config=SimpleNamespace(publish=Publish()), mapper=mapper, signals=SimpleNamespace(number=lambda bus: 0))
+    updates = [MapUpdate(EgoState(50_000_000 * n, SE2(0.0, 0.0, 0.0), 0.0, 0.0), np.zeros((0, 2))) for n in range(5)]
+    left = list(updates)
+
+    def take(batch: FrameBatch, buses: NDArray[np.int64]) -> Iterator[tuple[int, MapUpdate | None]]:
+        yield 1, left.pop(0) if left else None
+
+    mapping, told, listening = Mapping(pipeline, take, queue), list[MapUpdate](), threading.Event()  # type: ignore[arg-type]
+    mapping.listened = listening.is_set
+    thread = threading.Thread(target=mapping.run, args=(stop,))
+    thread.start()
+    for n in range(80):
+        if n < 5 or comes:  # frames that complete nothing
+            queue.put("can0", FrameBatch.of([can.Message()]))
+        if n == 20 and comes:
+            listening.set()
+        if (snapshot := mapping.outbox.get(timeout=0.01)) is not None:
+            told.append(snapshot.update)
+    stop.set()
+    thread.join()
+    assert told == [updates[0], updates[-1]]

@@ -36,7 +36,7 @@ from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
 from echogrid.recording.mcap_writer import McapWriter
 from echogrid.topics.cdr import encode_string
-from echogrid.topics.topic import FULL, NAMESPACE, Message
+from echogrid.topics.topic import FULL, NAMESPACE, Message, Topic
 
 ROS = {
     "/echogrid/map",
@@ -175,6 +175,9 @@ class Everything:
 
     def __init__(self) -> None:
         self.messages: list[Message] = []
+
+    def wants(self, topic: Topic) -> bool:
+        return True
 
     def put(self, message: Message) -> None:
         self.messages.append(message)

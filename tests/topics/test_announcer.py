@@ -27,13 +27,28 @@ from echogrid.errors import EchogridError
 from echogrid.live.service import Service
 from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
-from echogrid.topics.announcer import Announcer, Snapshots, occupancy_percent, trinary
+from echogrid.topics.announcer import MAPPED, Announcer, Snapshots, occupancy_percent, trinary
 from echogrid.topics.diagnostic_array import decode_diagnostics
 from echogrid.topics.diagnostics import diagnostics
 from echogrid.topics.grids import decode_grid
 from echogrid.topics.points import decode_judged, decode_points
 from echogrid.topics.poses import decode_odometry, decode_transforms
-from echogrid.topics.topic import DETECTIONS, DIAGNOSTICS, JUDGED, KEY, ODOMETRY, STATUS, TOPICS, TRANSFORM, TRINARY, Message
+from echogrid.topics.topic import (
+    DETECTIONS,
+    DIAGNOSTICS,
+    FULL,
+    JUDGED,
+    KEY,
+    META,
+    ODOMETRY,
+    STATUS,
+    TOPICS,
+    TRANSFORM,
+    TRINARY,
+    UPDATE,
+    Message,
+    Topic,
+)
 
 MS = 1_000_000
 CERTAINTY = Certainty(np.array([[4.0, 1.0, 0.1], [1.0, 9.0, 0.2], [0.1, 0.2, 0.25]]), np.array([[0.5, 0.1], [0.1, 0.75]]))
@@ -137,8 +152,38 @@ def test_meta_says_where_each_radar_is_and_all_topics(pipeline: Pipeline) -> Non
     assert meta["keys"] == {topic.name: topic.type or "JSON" for topic in TOPICS}
 
 
+def test_while_nobody_listens_one_snapshot_a_second_is_taken_and_the_newest_map_is_not_lost() -> None:
+    snapshots, settings = Snapshots(), Publish(rate_hz=10.0)
+    updates = [updated(50 * n * MS, SE2(0.1 * n, 0, 0), np.zeros((0, 2))) for n in range(66)]
+    taken = [snapshots.take(EMPTY, update, settings, listened=False) for update in updates]
+    assert [n for n, snapshot in enumerate(taken) if snapshot is not None] == [0, 20, 40, 60]
+    late = snapshots.late(EMPTY, settings)
+    assert late is not None
+    assert late.update is updates[-1]
+    assert snapshots.late(EMPTY, settings) is None
+    more = [updated((3300 + 50 * n) * MS, SE2(0, 0, 0), np.zeros((0, 2))) for n in range(4)]  # and somebody listens
+    assert [snapshots.take(EMPTY, update, settings) is not None for update in more] == [True, False, True, False]
+    assert snapshots.late(EMPTY, settings) is None
+
+
+def test_what_nobody_wants_is_not_made_and_what_is_kept_is(pipeline: Pipeline) -> None:
+    announcer, snapshots = Announcer(pipeline.config, ""), Snapshots()
+    wanted: set[Topic] = set()
+    told = []
+    for n in range(4):
+        snapshot = snapshots.take(EMPTY, updated((1000 + 100 * n) * MS, SE2(0, 0, 0), np.zeros((0, 2))), Publish(rate_hz=10.0))
+        assert snapshot is not None
+        told.append({message.topic for message in announcer.map(snapshot, wanted.__contains__)})
+        wanted.add((UPDATE, ODOMETRY, JUDGED, DETECTIONS)[n])
+    assert told == [{KEY, TRINARY, FULL}, {UPDATE, FULL}, {UPDATE, FULL, ODOMETRY}, {UPDATE, FULL, ODOMETRY, JUDGED}]
+    assert {topic for topic in TOPICS if topic not in MAPPED} == {STATUS, DIAGNOSTICS, META}
+
+
 class Full:
     """A sink that takes two messages and then has no room."""
+
+    def wants(self, topic: Topic) -> bool:
+        return True
 
     def __init__(self) -> None:
         self.taken: list[Message] = []
@@ -151,6 +196,9 @@ class Full:
 
 class Endless(list[Message]):
     put = list.append
+
+    def wants(self, topic: Topic) -> bool:
+        return True
 
 
 def test_a_sink_that_is_full_is_told_of_once_and_the_others_go_on(pipeline: Pipeline, caplog: pytest.LogCaptureFixture) -> None:

@@ -32,9 +32,11 @@ from echogrid.errors import EchogridError
 from echogrid.topics.announcer import occupancy_percent
 from echogrid.topics.diagnostic_array import DiagnosticArray, DiagnosticStatus, Level
 from echogrid.topics.grids import decode_grid
-from echogrid.topics.topic import KEY, Message
+from echogrid.topics.topic import FULL, KEY, UPDATE, Message, Topic
+from echogrid.topics.topic import ODOMETRY as ODOM
 from echogrid.zenoh.attachment import decode_attachment, decode_grid_attachment
 from echogrid.zenoh.publisher import Publisher, session_config
+from echogrid.zenoh.ros import topic_keys
 
 EGO = EgoState(1_700_000_000_000_000_001, SE2(3.0, -4.0, math.pi / 2), 8.5, -0.125)
 GRID, ODOMETRY, STATUS = "echogrid/v1/car/grid/fused/full", "echogrid/v1/car/odom", "echogrid/v1/car/status"
@@ -102,6 +104,19 @@ def test_percent_of_what_is_special() -> None:
 def test_percent_of_the_opposite_is_what_is_left_of_a_hundred(log_odds: float) -> None:
     ((percent, opposite),) = occupancy_percent(np.array([[log_odds, -log_odds]], dtype=np.float32))
     assert percent + opposite == 100
+
+
+@pytest.mark.parametrize("topic", [FULL, ODOM, UPDATE])
+def test_a_topic_is_wanted_while_somebody_subscribes_to_it_by_either_name(port: int, topic: Topic) -> None:
+    """The advanced subscriber is what a late one uses, who is to have what is kept; a word for all keys takes it too."""
+    history = zenoh.ext.HistoryConfig(max_samples=1)
+    with publish(port) as publisher, zenoh.open(session_config((), (f"tcp/127.0.0.1:{port}",), sends=False)) as session:
+        (ros,) = [key for one, key in topic_keys(Ros()) if one is topic] or ["echogrid/v1/car/**"]
+        for key in (f"echogrid/v1/car/{topic.name}", ros, "**"):
+            assert until(lambda: not publisher.wants(topic))
+            subscriber = zenoh.ext.declare_advanced_subscriber(session, key, lambda sample: None, history=history)
+            assert until(lambda: publisher.wants(topic))
+            subscriber.undeclare()
 
 
 def test_grid_on_the_wire(port: int) -> None:

@@ -31,7 +31,8 @@ Take = Callable[[FrameBatch, NDArray[np.int64]], Iterator[tuple[int, MapUpdate |
 class Mapping:
     """Remembers how long frames waited and when the map was changed last. One thread runs `run`; any may ask.
 
-    `take` takes frames to the pipeline. `settings` may be exchanged while it runs, `poses` (what came over Zenoh) before.
+    `take` takes frames to the pipeline. `settings` may be exchanged while it runs, `poses` (what came over Zenoh) and `listened` (whether
+    anybody takes the map now) before.
     """
 
     def __init__(self, pipeline: Pipeline, take: Take, queue: FrameQueue) -> None:
@@ -40,6 +41,7 @@ class Mapping:
         self.lock = threading.Lock()  # held by the mapping while it changes the map, by others for one tile's copy at a time
         self.outbox = Outbox()
         self.poses: Callable[[], Iterable[PoseFix]] = tuple
+        self.listened: Callable[[], bool] = lambda: True
         self._take = take
         self._queue = queue
         self._snapshots = Snapshots()
@@ -53,6 +55,7 @@ class Mapping:
         while not stop.is_set():
             self._looped_at = time.monotonic()
             item = self._queue.get(timeout=WAIT)
+            self._catch_up(idle=item is None)
             if item is None:
                 continue
             bus, batch, received_at = item
@@ -77,10 +80,19 @@ class Mapping:
             if update is None:
                 return True
             self._latencies.append(time.monotonic() - received_at)
-            snapshot = self._snapshots.take(self.pipeline.mapper, update, self.settings)
+            snapshot = self._snapshots.take(self.pipeline.mapper, update, self.settings, listened=self.listened())
         if snapshot is not None:
             self.outbox.put(snapshot)
         return True
+
+    def _catch_up(self, *, idle: bool) -> None:
+        """Where nobody listened the newest map was not taken out: it is for who comes, and for who comes later where no newer one does."""
+        if self._snapshots.left is None or not (idle or self.listened()):
+            return
+        with self.lock:
+            snapshot = self._snapshots.late(self.pipeline.mapper, self.settings)
+        if snapshot is not None:
+            self.outbox.put(snapshot)
 
     def state(self) -> State:
         """Of the map, now. The traffic's own time continues by the monotonic clock, so that steps of other clocks do not matter."""

@@ -12,8 +12,8 @@ from echogrid.errors import EchogridError
 from echogrid.live.manager import Manager
 from echogrid.live.mapping import Outbox
 from echogrid.live.workers import WAIT
-from echogrid.topics.announcer import Announcer
-from echogrid.topics.topic import Message, Sink
+from echogrid.topics.announcer import MAPPED, Announcer
+from echogrid.topics.topic import Message, Sink, Topic
 
 log = logging.getLogger("echogrid")
 STATUS_PERIOD = 1.0  # s
@@ -47,7 +47,7 @@ class Publishing:
                 meta_due += META_PERIOD
             snapshot = self._outbox.get(timeout=WAIT)
             if snapshot is not None:
-                self.send(self._announcer.map(snapshot))
+                self.send(self._announcer.map(snapshot, self.wanted))
                 manager.map_published()
             if time.monotonic() >= status_due:
                 status = self._status()
@@ -55,6 +55,14 @@ class Publishing:
                 manager.tell(status)
                 status_due += STATUS_PERIOD
         tell({**self._status(), "state": "stopped", "reasons": ()})
+
+    def wanted(self, topic: Topic) -> bool:
+        """Whether any sink takes a topic now."""
+        return any(sink.wants(topic) for sink in tuple(self.sinks))
+
+    def listened(self) -> bool:
+        """Whether any takes what the map becomes."""
+        return any(self.wanted(topic) for topic in MAPPED)
 
     def send(self, messages: Iterable[Message]) -> None:
         """To all sinks, in this order."""

@@ -62,6 +62,7 @@ class Service:
         self.receiving = Receiving(pipeline.signals)
         self.mapping = Mapping(pipeline, take or pipeline.take, self.receiving.queue)
         self.publishing = Publishing(Announcer(self.config, pipeline.model.why), self.mapping.outbox, self.status)
+        self.mapping.listened = self.publishing.listened
         self.manager = Manager(self.mapping.loop_age)
         self.keeper: TileKeeper | None = None
         self.recorder: McapRecorder | None = None

@@ -7,7 +7,7 @@ from typing import Self
 
 from echogrid.errors import EchogridError
 from echogrid.recording.viewer_channel import viewer_channel
-from echogrid.topics.topic import META, STATUS, TOPICS, Message
+from echogrid.topics.topic import META, STATUS, TOPICS, Message, Topic
 
 LOOPBACK, PORT = "127.0.0.1", 8765  # the port that Foxglove offers
 
@@ -42,6 +42,10 @@ class Foxglove:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._server.stop()
+
+    def wants(self, topic: Topic) -> bool:
+        """All."""
+        return True
 
     def put(self, message: Message) -> None:
         """To the subscribers of its topic."""

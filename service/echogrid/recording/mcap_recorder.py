@@ -11,7 +11,7 @@ from pathlib import Path
 import can
 
 from echogrid.recording.mcap_writer import McapWriter
-from echogrid.topics.topic import Message
+from echogrid.topics.topic import Message, Topic
 
 log = logging.getLogger("echogrid")
 MOST_WAITING = 32 << 20  # bytes; as many again while they are written
@@ -47,6 +47,10 @@ class McapRecorder:
         self._waiting: list[Item] = []
         self._bytes = 0
         self._flush_at = time.monotonic() + FLUSH_PERIOD
+
+    def wants(self, topic: Topic) -> bool:
+        """All."""
+        return True
 
     def put(self, message: Message) -> None:
         """A message that is published. Such may fill half the queue, so that frames find room for longer."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,6 +46,15 @@ OCCUPIED_FROM, FREE_UP_TO = round(100 * OCCUPIED), round(100 * FREE)  # percent,
 KEY_PERIOD_NS = 1_000_000_000  # a key frame goes out at the latest with the first window that is so much younger than the last one
 
 
+Wanted = Callable[[Topic], bool]
+MAPPED = (ODOMETRY, TRANSFORM, DETECTIONS, JUDGED, KEY, TRINARY, UPDATE, FULL)  # what a snapshot becomes
+
+
+def everything(_: Topic) -> bool:
+    """Whatever there is, is wanted."""
+    return True
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshot:
     """What the map around the car was after an update: enough for the window around it and for its key frame."""
@@ -59,17 +68,31 @@ class Snapshot:
 
 
 class Snapshots:
-    """Taken of the map, one in each of the periods of `rate_hz` that the traffic's own time falls into; remembers the last one's."""
+    """Taken of the map, one in each of the periods of `rate_hz` that the traffic's own time falls into; remembers the last one's.
+
+    While nobody listens, one a second for those who come late; then the newest update that none was taken of is remembered too.
+    """
 
     def __init__(self) -> None:
-        self.taken: int | None = None
+        self.taken: tuple[bool, int] | None = None
+        self.left: MapUpdate | None = None
 
-    def take(self, mapper: Mapper, update: MapUpdate, settings: Publish) -> Snapshot | None:
+    def take(self, mapper: Mapper, update: MapUpdate, settings: Publish, *, listened: bool = True) -> Snapshot | None:
         """After an update, in the thread that maps; None where the next one is not due."""
-        period = update.ego.stamp_ns // round(1e9 / settings.rate_hz)  # stamps jitter: since the last one it may be a little too short
+        length_ns = round(1e9 / settings.rate_hz) if listened else KEY_PERIOD_NS
+        period = listened, update.ego.stamp_ns // length_ns  # stamps jitter: since the last one it may be a little too short
         if period == self.taken:
+            self.left = None if listened else update
             return None
-        self.taken = period
+        self.taken, self.left = period, None
+        return self._of(mapper, update, settings)
+
+    def late(self, mapper: Mapper, settings: Publish) -> Snapshot | None:
+        """Of the newest update, where none was taken of it since nobody listened."""
+        left, self.left = self.left, None
+        return None if left is None else self._of(mapper, left, settings)
+
+    def _of(self, mapper: Mapper, update: MapUpdate, settings: Publish) -> Snapshot:
         window = around(update.ego.odom_from_base, mapper.map.spec.cell, settings.window_cells)
         seen = window.joined(key_window(window))
         return Snapshot(update, mapper.certainty(update.ego), mapper.epoch, window, seen, mapper.map.window(*seen))
@@ -92,26 +115,30 @@ class Announcer:
         self._key_cells = np.zeros((0, 0), dtype=np.int8)
         self._differed = NOTHING  # within the window
 
-    def map(self, snapshot: Snapshot) -> Iterator[Message]:
-        """Odometry, transform, detections, key frame or update, and the whole window."""
+    def map(self, snapshot: Snapshot, wanted: Wanted = everything) -> Iterator[Message]:
+        """Odometry, transform, detections, key frame or update, and the whole window; of those only what is wanted or kept."""
         ego, epoch = snapshot.update.ego, snapshot.epoch
         stamp_ns = ego.stamp_ns
 
         def message(topic: Topic, payload: bytes, keyframe: int = 0) -> Message:
             return Message(topic, payload, stamp_ns, epoch, keyframe)
 
-        known = snapshot.certainty
-        covariances = spread(known.pose, (0, 1, 5)), spread(known.motion, (0, 5))
-        odometry = Odometry(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base, ego.speed, ego.yaw_rate, *covariances)
-        yield message(ODOMETRY, encode_odometry(odometry))
-        transforms = [Transform(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base)]
-        if snapshot.update.map_from_odom is not None:
-            transforms.append(Transform(stamp_ns, FIXED_FRAME, MAP_FRAME, snapshot.update.map_from_odom))
-        yield message(TRANSFORM, encode_transforms(transforms))
-        judged = snapshot.update.judged
-        yield message(DETECTIONS, encode_points(Points(stamp_ns, CAR_FRAME, on_the_ground(snapshot.update.static_points))))
-        all_points = JudgedPoints(stamp_ns, CAR_FRAME, on_the_ground(judged.points), judged.radars, judged.verdicts)
-        yield message(JUDGED, encode_judged(all_points))
+        if wanted(ODOMETRY):
+            known = snapshot.certainty
+            covariances = spread(known.pose, (0, 1, 5)), spread(known.motion, (0, 5))
+            odometry = Odometry(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base, ego.speed, ego.yaw_rate, *covariances)
+            yield message(ODOMETRY, encode_odometry(odometry))
+        if wanted(TRANSFORM):
+            transforms = [Transform(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base)]
+            if snapshot.update.map_from_odom is not None:
+                transforms.append(Transform(stamp_ns, FIXED_FRAME, MAP_FRAME, snapshot.update.map_from_odom))
+            yield message(TRANSFORM, encode_transforms(transforms))
+        if wanted(DETECTIONS):
+            yield message(DETECTIONS, encode_points(Points(stamp_ns, CAR_FRAME, on_the_ground(snapshot.update.static_points))))
+        if wanted(JUDGED):
+            judged = snapshot.update.judged
+            all_points = JudgedPoints(stamp_ns, CAR_FRAME, on_the_ground(judged.points), judged.radars, judged.verdicts)
+            yield message(JUDGED, encode_judged(all_points))
         seen = occupancy_percent(snapshot.log_odds)
         key = key_window(snapshot.window)
         cells = seen[key.within(snapshot.seen)]
@@ -120,7 +147,7 @@ class Announcer:
             self._key_ns, self._key_of, self._key_cells, self._differed = stamp_ns, (epoch, key), cells, NOTHING
             yield message(KEY, self._grid(stamp_ns, key, cells), self.keyframe)
             yield message(TRINARY, self._grid(stamp_ns, key, trinary(cells)), self.keyframe)
-        else:
+        elif wanted(UPDATE):  # who did not take the last ones needs no more than what differs now
             self._differed = self._differed.joined(changed(self._key_cells, cells))
             x, y = self._differed.column, self._differed.row
             update = GridUpdate(stamp_ns, MAP_FRAME, x, y, cells[self._differed.within(Rectangle(0, 0, *cells.shape))])

@@ -55,7 +55,10 @@ class Message:
 
 
 class Sink(Protocol):
-    """Where messages go. One thread puts."""
+    """Where messages go. One thread puts; any may ask."""
+
+    def wants(self, topic: Topic) -> bool:
+        """Whether somebody takes the topic's messages now."""
 
     def put(self, message: Message) -> None:
         """Takes a message without waiting for its readers. Raises EchogridError if it can take no more of them."""

@@ -14,7 +14,7 @@ import zenoh
 
 from echogrid.config import tables as config
 from echogrid.errors import EchogridError
-from echogrid.topics.topic import ALIVE, FLEET, FULL, TOPICS, Message
+from echogrid.topics.topic import ALIVE, FLEET, FULL, TOPICS, Message, Topic
 from echogrid.zenoh.access import access_control
 from echogrid.zenoh.attachment import GID_SIZE
 from echogrid.zenoh.credentials import Credentials
@@ -72,6 +72,10 @@ class Publisher:
     def close(self) -> None:
         """Ends the session; subscribers see the liveliness tokens go. A second time does nothing."""
         self._open.close()
+
+    def wants(self, topic: Topic) -> bool:
+        """As of `topics.topic.Sink`."""
+        return self._streams[topic].heard() or self._ros.wants(topic) or (topic is FULL and self._streams[FLEET].heard())
 
     def put(self, message: Message) -> None:
         """To all subscribers."""

@@ -44,6 +44,11 @@ class RosNode:
             self.streams[topic] = Stream(session, key, topic, gid(token), versioned=False)
             self.tokens.append(liveliness.declare_token(token))
 
+    def wants(self, topic: Topic) -> bool:
+        """Whether a node takes it."""
+        stream = self.streams.get(topic)
+        return stream is not None and stream.heard()
+
     def put(self, message: Message) -> None:
         stream = self.streams.get(message.topic)
         if stream is not None:

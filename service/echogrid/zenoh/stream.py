@@ -40,8 +40,9 @@ class Stream:
                 sample_miss_detection=zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=0.5),
                 publisher_detection=True,
             )
+            self._asked = session.declare_publisher(key)  # sends nothing: an advanced one does not tell whether it has subscribers
         else:
-            self.publisher = session.declare_publisher(key, **settings)
+            self.publisher = self._asked = session.declare_publisher(key, **settings)
 
     def put(self, message: Message) -> None:
         self.sequence += 1
@@ -51,9 +52,8 @@ class Stream:
         self.publisher.put(message.payload, attachment=attachment)
 
     def heard(self) -> bool:
-        """Whether there are subscribers; not for topics whose last message is kept."""
-        assert isinstance(self.publisher, zenoh.Publisher)
-        status: Any = self.publisher.matching_status  # which zenoh's types call a bool
+        """Whether there are subscribers."""
+        status: Any = self._asked.matching_status  # which zenoh's types call a bool
         return bool(status.matching)
 
 
