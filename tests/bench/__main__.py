@@ -54,6 +54,7 @@ from echogrid_training.drives import campaign
 from echogrid_training.drives.samples import samples
 from tests.bench.elfes import elfes
 from tests.bench.reading import reading
+from tests.bench.scaling import draw, scaling
 from tests.support.frames import frame, radar_cycle
 from tests.support.places import ROOT
 
@@ -222,7 +223,7 @@ def main() -> None:
     simulation, beside = simulating(), elfes()
     alone = subprocess.run([sys.executable, "-m", "tests.bench.live", "30"], cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
     running: dict[str, float] = json.loads(alone.stdout)  # of a process that holds nothing else
-    rates = reading(drive.log)
+    rates, grows = reading(drive.log), scaling()
     reference = decoders["ours, batch"]
     print("decoding one 64-frame cycle")
     for name, value in decoders.items():
@@ -237,6 +238,7 @@ def main() -> None:
         print(f"  {'whole cycle':<56}{found.cycle_ms * 1e3:9.1f} us")
         if found.inference_ms is not None:
             print(f"  {'whole cycle against an inference':<56}{found.cycle_ms / found.inference_ms:9.2f} x")
+            print(f"  {'the same, nobody taking its messages':<56}{found.unheard_ms / found.inference_ms:9.2f} x")
     print(f"the analytic update beside others, {beside.pop('detections')} detections")
     for name, row in beside.items():
         print(f"  {name:<56}{row['us']:9.1f} us, quartiles {row['quartiles_us']}, ours against it{row['ours_against_it']:8.2f} x")
@@ -256,8 +258,11 @@ def main() -> None:
     print("reading recordings, ours and python-can")
     for name, (ours, theirs) in rates.items():
         print(f"  {name:<10}{ours:9.0f}{theirs:9.0f} thousand frames/s of processor time{ours / theirs:8.1f} x")
+    for what, row in grows.items():
+        print(f"ms of an update, against {what}: " + ", ".join(f"{at} {value:.2f}" for at, value in row.items()))
     out = ROOT / "out"
     out.mkdir(exist_ok=True)
+    (out / "cost.svg").write_text(draw(grows) + "\n")
     (out / "bench.json").write_text(
         json.dumps(
             {
@@ -271,6 +276,7 @@ def main() -> None:
                 "keep": kept,
                 "simulate": simulation,
                 "read": rates,
+                "grows": grows,
             },
             indent=2,
         )

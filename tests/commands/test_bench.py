@@ -14,7 +14,7 @@ from tests.support import world
 from tests.support.places import ROOT
 
 from echogrid.commands.measuring.loops import NAMES, Sample, seen, turned
-from echogrid.commands.measuring.stages import FRAMES, MAPPER, Stopwatch, stages
+from echogrid.commands.measuring.stages import FRAMES, MAPPER, PUBLISHING, Stopwatch, stages
 from echogrid.core.kernels import dispatch, reference
 from echogrid.errors import EchogridError
 from echogrid.logs.drive import find_drive
@@ -57,6 +57,8 @@ def test_a_drive_is_mapped_as_ever_and_every_stage_has_its_share() -> None:
     assert found.updates == pytest.approx(40, abs=2)
     assert found.rate_hz == pytest.approx(20, rel=0.1)
     assert found.inference_ms is None
+    assert found.windows == pytest.approx(found.updates / 2, abs=1)
+    assert found.cycle_ms - found.unheard_ms == pytest.approx(0.9 * sum(found.per_update_ms[stage] for stage in PUBLISHING), rel=0.1)
     assert 0 < found.cycle_ms * found.updates / 1e3 < time.thread_time() - begun
 
 

@@ -37,18 +37,34 @@ Infer = Callable[[Surroundings], Image]  # what one update says about the cells 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Judged:
-    """All detections of the trusted radars in one cycle, in the order of the scans, and what the gate said of each."""
+    """All detections of the trusted radars in one cycle, in the order of the scans, and what the gate said of each: worked out where
+    somebody asks."""
 
     points: Floats  # (N, 2) m, base frame
-    radars: NDArray[np.uint8]  # (N,) number of the radar in the configuration
-    verdicts: NDArray[np.uint8]  # (N,) STATIC, MOVING or BESIDE
+    scan: NDArray[np.int64]  # (N,) number of the scan
+    numbers: Sequence[int]  # (S,) of the scans' radars in the configuration
+    standing: NDArray[np.bool_]  # (N,) by its range rate
+    beside: NDArray[np.bool_]  # (N,) lies beside some that move
 
     STATIC: ClassVar[int] = 0  # went into the map
     MOVING: ClassVar[int] = 1  # by its range rate
     BESIDE: ClassVar[int] = 2  # seems to stand, but lies beside some that move: dropped with them
 
+    @property
+    def radars(self) -> NDArray[np.uint8]:
+        """(N,) number of the radar in the configuration."""
+        return np.array(self.numbers, np.uint8).take(self.scan)
 
-NOTHING_JUDGED = Judged(np.zeros((0, 2)), np.zeros(0, np.uint8), np.zeros(0, np.uint8))
+    @property
+    def verdicts(self) -> NDArray[np.uint8]:
+        """(N,) STATIC, MOVING or BESIDE."""
+        found: NDArray[np.uint8] = np.full(len(self.points), Judged.STATIC, np.uint8)
+        found[self.beside] = Judged.BESIDE
+        found[~self.standing] = Judged.MOVING
+        return found
+
+
+NOTHING_JUDGED = Judged(np.zeros((0, 2)), np.zeros(0, np.int64), (), np.zeros(0, np.bool_), np.zeros(0, np.bool_))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,7 +197,9 @@ class Mapper:
         self.health.tiles_forgotten = self.map.forgotten
         self.watch.mapped_ns = max([one.scan.received_ns for one in sweep.placed])
         map_from_odom = None if self.frame is None else self.frame.map_from_odom
-        return MapUpdate(ego, static.points, self._judged(sweep, near, standing, beside), map_from_odom)
+        numbers = [self._numbers[one.scan.sensor] for one in sweep.placed]
+        judged = Judged(near.points, sweep.scan[sweep.near], numbers, standing, beside)
+        return MapUpdate(ego, static.points, judged, map_from_odom)
 
     def certainty(self, ego: EgoState) -> Certainty:
         """How well the car's motion is known at the newest pose."""
@@ -235,11 +253,6 @@ class Mapper:
         """Which of them their own range rates call standing, and which lie between moving ones."""
         standing = found.deviation <= self.noise.sigmas
         return standing, beside_movers(found.points, ~standing, self.noise)
-
-    def _judged(self, sweep: Sweep, found: Detections, standing: NDArray[np.bool_], beside: NDArray[np.bool_]) -> Judged:
-        radars = np.array([self._numbers[one.scan.sensor] for one in sweep.placed], np.uint8).take(sweep.scan[sweep.near])
-        verdicts = np.where(standing, np.where(beside, np.uint8(Judged.BESIDE), np.uint8(Judged.STATIC)), np.uint8(Judged.MOVING))
-        return Judged(found.points, radars, verdicts)
 
     def _beams(self, sweep: Sweep, found: Detections, now: EgoState) -> Beams:
         """Their static detections as far as the map reaches, which may be farther than a network is shown."""

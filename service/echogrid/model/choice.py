@@ -18,7 +18,7 @@ from echogrid.errors import EchogridError
 from echogrid.model.network import PAPER, OnnxSensorModel
 
 SHIPPED = ("default", "paper")
-RUNS = 9  # that a file is timed by
+RUNS = 5  # that a file is timed by
 CLEARLY = 0.7  # of the first file's time: nearer ones may be noise, and the same machine must choose the same file each time
 
 

@@ -30,14 +30,14 @@ def command(path: Path | None, config: Path | None, model: str | None, seconds: 
         found = stages(drive, model, seconds, advance)
         best = floors()
         loops = paces(seen(drive, (model or "default",)))
-    per_s = found.cycle_ms * found.rate_hz / 1e3
     figures: dict[str, Any] = {
         "machine": machine(),
         "kernels": WHY,
         **asdict(found),
         "cycle_ms": found.cycle_ms,
+        "unheard_ms": found.unheard_ms,
         "cycle_by_inference": None if found.inference_ms is None else found.cycle_ms / found.inference_ms,
-        "share_of_a_core": per_s,
+        "share_of_a_core": found.cycle_ms * found.rate_hz / 1e3,
         "floors": best,
         "loops": {name: pace._asdict() for name, pace in loops.items()},
     }
@@ -75,11 +75,12 @@ def report(figures: dict[str, Any]) -> list[str]:
         f"processor time of a map update with its frames, ms, mean of {figures['updates']}:",
     ]
     lines += [f"  {stage:<44}{spent:8.3f}{spent / cycle:7.0%}" for stage, spent in figures["per_update_ms"].items()]
-    lines += [f"  {'whole cycle':<44}{cycle:8.3f}", ""]
+    lines += [f"  {'whole cycle':<44}{cycle:8.3f}", f"  {'while nobody takes its messages, at most':<44}{figures['unheard_ms']:8.3f}", ""]
     if inference is not None:
         million = best["multiply_adds_millions_per_s"] * inference / 1e3
         lines.append(f"an inference takes {inference:.2f} ms, in which this core does {million:.0f} million multiply-adds at best")
-        lines.append(f"a whole cycle takes {figures['cycle_by_inference']:.2f} times as long as an inference")
+        unheard = figures["unheard_ms"] / inference
+        lines.append(f"a whole cycle takes {figures['cycle_by_inference']:.2f} times as long as an inference, unheard {unheard:.2f} times")
     lines.append(f"a whole cycle takes as long as copying {best['copied_mib_per_s'] * cycle / 1e3:.0f} MiB")
     lines.append(
         f"at {figures['rate_hz']:.1f} updates a second that is {figures['share_of_a_core']:.1%} of a core, without receiving and sending"

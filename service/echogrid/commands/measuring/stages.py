@@ -18,14 +18,15 @@ from echogrid.topics.announcer import Announcer, Snapshots
 
 Clock = Callable[[], float]
 FRAMES, INFERENCE = "frames to scans and motion", "network"
+PUBLISHING = ("window to publish", "messages to publish")
 WARM = 20  # updates that are not counted
 # Of the mapper: method by method, in the order of an update.
 MAPPER = {
     "on_motion": "motion to poses",
     "on_scan": "scans taken in",
-    "end_cycle": "poses, detections, movers and the rest",
-    "_place": "placed, with the gate by range rate",
-    "_trusted": "trust: which radars, which motion",
+    "end_cycle": "places of detections, movers and the rest",
+    "_place": "where the car was at each scan",
+    "_trusted": "gate by range rate; which radars and motion are trusted",
     "_beams": "measured, into the tiles",
     "_looks": "history",
 }
@@ -79,12 +80,19 @@ class Stages:
     updates: int
     rate_hz: float  # updates of a second of the drive
     per_update_ms: dict[str, float]  # stage by stage; in all, a whole cycle with its frames and what of publishing falls to it
+    windows: int  # that were taken to be published
     inference_ms: float | None  # of one run of the network; None where none runs
 
     @property
     def cycle_ms(self) -> float:
-        """The whole of an update."""
+        """The whole of an update, somebody taking all messages."""
         return sum(self.per_update_ms.values())
+
+    @property
+    def unheard_ms(self) -> float:
+        """At most, while nobody takes any: then there is a window a second (`topics.announcer`)."""
+        publishing = sum(self.per_update_ms.get(stage, 0.0) for stage in PUBLISHING)
+        return self.cycle_ms - publishing + publishing * self.updates / max(self.windows, 1) / self.rate_hz
 
 
 def stages(
@@ -116,8 +124,8 @@ def stages(
     else:
         watch.on(mapper, infer="raster and model")
     snapshots, announcer = Snapshots(), Announcer(config, pipeline.model.why)
-    take = watch.timed("window to publish", snapshots.take)
-    encode = watch.timed("messages to publish", lambda snapshot: list(announcer.map(snapshot)))
+    take = watch.timed(PUBLISHING[0], snapshots.take)
+    encode = watch.timed(PUBLISHING[1], lambda snapshot: list(announcer.map(snapshot)))
     first = last = 0.0
     updates = 0
     for update in pipeline.updates(Log(drive.log).batches()):
@@ -141,5 +149,6 @@ def stages(
         updates=counted,
         rate_hz=counted / max(last - first, 1e-3),
         per_update_ms={stage: spent / counted * 1e3 for stage, spent in sorted(watch.spent.items(), key=lambda item: -item[1])},
+        windows=watch.calls.get(PUBLISHING[1], 0),
         inference_ms=watch.spent[INFERENCE] / runs * 1e3 if runs else None,
     )

@@ -48,6 +48,6 @@ def doppler_motion(sweep: Sweep) -> DopplerMotion | None:
     speed, yaw_rate, found = motion.tolist()
     if not found:
         return None
-    count = int(np.count_nonzero(explained))
-    breadth = 1.0 - math.hypot(float(cos[explained].mean()), float(sin[explained].mean())) if count else 0.0
+    count, weight = int(np.count_nonzero(explained)), explained.astype(float)
+    breadth = 1.0 - math.hypot(float(cos @ weight), float(sin @ weight)) / count if count else 0.0
     return DopplerMotion(speed, yaw_rate, (count - 2) / (len(rate) - 2), breadth)
