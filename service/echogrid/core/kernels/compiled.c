@@ -269,6 +269,14 @@ KERNEL(draw_now) {
     return done(&given);
 }
 
+/* What the points of the past make of a cell: counts up to `close` and `middle` m, of all, and of updates. */
+typedef struct {
+    uint32_t last; /* update that had a point here, from 1 */
+    uint8_t counts[4], recency, rcs;
+} Past;
+
+static inline void one_more(uint8_t *count, int counts) { *count += counts & (*count < 255); }
+
 KERNEL(draw_past) {
     TAKE("d2d1l1d1xxxxxB1B3!");
     Py_ssize_t size = LENGTH(0, 0), side = LENGTH(5, 1), cells = side * side;
@@ -278,32 +286,43 @@ KERNEL(draw_past) {
     const double *age = ARRAY(1)->buf, *rcs = ARRAY(3)->buf;
     const int64_t *update = ARRAY(2)->buf;
     const uint8_t *table = ARRAY(4)->buf;
-    uint8_t *out = ARRAY(5)->buf, *counts = calloc(4 * cells, 1);
+    uint8_t *out = ARRAY(5)->buf;
     double half = given.number[0], cell = given.number[1], close = given.number[2], middle = given.number[3], fading = given.number[4];
-    int64_t *last = malloc(cells * sizeof *last);
-    if (counts == NULL || last == NULL) {
-        free(counts);
-        free(last);
+    Past *past = calloc(cells, sizeof *past);
+    int32_t *drawn = malloc((size + 1) * sizeof *drawn);
+    if (past == NULL || drawn == NULL) {
+        free(past);
+        free(drawn);
         drop(&given);
         return PyErr_NoMemory();
     }
-    for (Py_ssize_t c = 0; c < cells; c++) last[c] = INT64_MIN;
-    memset(out, table[0], 4 * cells);
-    memset(out + 4 * cells, 0, 2 * cells);
+    Py_ssize_t found = 0;
     for (Py_ssize_t n = 0; n < size; n++) {
         const double *point = ROW(double, 0, n);
         Py_ssize_t at = patch_cell(point[0], point[1], half, cell, side);
         if (at < 0) continue;
-        if (age[n] <= close) count_one(counts, table, out, at);
-        if (age[n] <= middle) count_one(counts, table, out, cells + at);
-        count_one(counts, table, out, 2 * cells + at);
-        if (last[at] != update[n]) count_one(counts, table, out, 3 * cells + at);
-        last[at] = update[n];
-        raise_to(out + 4 * cells + at, byte_within(255 - age[n] * fading));
-        raise_to(out + 5 * cells + at, byte_of_rcs(rcs[n]));
+        Past *here = past + at;
+        uint32_t number = (uint32_t)(update[n] - update[0]) + 1;
+        if (!here->counts[2]) drawn[found++] = (int32_t)at;
+        one_more(&here->counts[0], age[n] <= close);
+        one_more(&here->counts[1], age[n] <= middle);
+        one_more(&here->counts[2], 1);
+        one_more(&here->counts[3], here->last != number);
+        here->last = number;
+        raise_to(&here->recency, byte_within(255 - age[n] * fading));
+        raise_to(&here->rcs, byte_of_rcs(rcs[n]));
     }
-    free(counts);
-    free(last);
+    memset(out, table[0], 4 * cells);
+    memset(out + 4 * cells, 0, 2 * cells);
+    for (Py_ssize_t n = 0; n < found; n++) {
+        const Past *here = past + drawn[n];
+        uint8_t *to = out + drawn[n];
+        for (int k = 0; k < 4; k++) to[k * cells] = table[here->counts[k]];
+        to[4 * cells] = here->recency;
+        to[5 * cells] = here->rcs;
+    }
+    free(past);
+    free(drawn);
     return done(&given);
 }
 
