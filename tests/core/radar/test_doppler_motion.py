@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from echogrid.core.messages import RadarScan
 from echogrid.core.motion.odometry import EgoState
@@ -78,7 +79,7 @@ def test_what_is_beyond_the_mounts_range_does_not_count() -> None:
     seen = seen_by(scans)
     for one in scans:
         one.range[12:], one.range_rate[12:] = 30.0, 3.0
-    near = [replace(one, **{key: getattr(one, key)[:12] for key in ("range", "azimuth", "range_rate", "rcs")}) for one in scans]
+    near = [structs.replace(one, **{key: getattr(one, key)[:12] for key in ("range", "azimuth", "range_rate", "rcs")}) for one in scans]
     assert seen_by(scans) == seen_by(near) != seen
 
 
