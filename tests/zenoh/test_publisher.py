@@ -288,9 +288,7 @@ def test_no_room_for_shared_memory_is_not_the_endpoints_fault(kind: type[BaseExc
         raise kind("called `Result::unwrap()` on an `Err` value: Unable to create POSIX shm segment: OS error 12 at segment.rs:85")
 
     monkeypatch.setattr(zenoh, "open", opened)
-    with pytest.raises(
-        EchogridError, match=r"^publish: Zenoh gets no shared memory \(OS error 12\), expected a /dev/shm that"
-    ):
+    with pytest.raises(EchogridError, match=r"^publish: Zenoh gets no shared memory \(OS error 12\), expected a /dev/shm that"):
         Publisher(Publish(), "car", Ros())
 
 
