@@ -56,6 +56,8 @@ class Log:
         self._packing = suffixes.pop() if suffixes and suffixes[-1] in PACKED else ""
         self._suffix = suffixes[-1] if suffixes else ""
         known = (*OURS, *BY_PATH, ".mcap")
+        if path.is_dir():
+            raise EchogridError(f"{path}: is a folder, expected a recording, such as {path / 'can.log'}")
         if self._suffix not in known:
             raise EchogridError(
                 f"{path}: is not a known log format, expected one of {' '.join(sorted(known))}, each also with {' or '.join(PACKED)}"
