@@ -99,10 +99,14 @@ def test_a_torn_file_gives_right_tiles_or_a_sentence(tmp_path: Path, seed: int) 
     assert all(sentence.startswith(f"{path}: ") for sentence in told)
 
 
-def test_a_map_on_a_disk_that_cannot_be_written_is_read(tmp_path: Path) -> None:
+@pytest.mark.parametrize("beside", [(), ("a.egmap-wal",)])
+def test_a_map_on_a_disk_that_cannot_be_written_is_read(tmp_path: Path, beside: tuple[str, ...]) -> None:
+    """Also one that was copied with the empty log that a reader leaves."""
     shown = tmp_path / "shown"
     shown.mkdir()
     made = filled(shown / "a.egmap", tiles=2)
+    for name in beside:
+        (shown / name).write_bytes(b"")
     with disk.read_only(tmp_path / "disk", shown) as folder:
         with TileStore(folder / "a.egmap") as store:
             assert same(store.read(1, (1, 0)), made[1, 0])
@@ -110,4 +114,4 @@ def test_a_map_on_a_disk_that_cannot_be_written_is_read(tmp_path: Path) -> None:
             with pytest.raises(StoreError) as refused, TileStore(folder / name, write=True) as store:
                 store.begin(LOOKS)
             assert refused.value.state == "read-only"
-    assert [path.name for path in shown.iterdir()] == ["a.egmap"]
+    assert sorted(path.name for path in shown.iterdir()) == ["a.egmap", *beside]

@@ -98,11 +98,11 @@ def transaction(connection: sqlite3.Connection) -> Iterator[None]:
 
 
 def _connect(path: Path, write: bool) -> sqlite3.Connection:
-    where = path.absolute().as_uri()
+    where, log = path.absolute().as_uri(), path.with_name(f"{path.name}-wal")
     if write:
         where += "?mode=rwc"
-    elif not os.access(path.absolute().parent, os.W_OK) and not path.with_name(f"{path.name}-wal").exists():
-        where += "?immutable=1"  # a WAL file is otherwise read only where its -shm file can be made
+    elif not os.access(path.absolute().parent, os.W_OK) and not (log.exists() and log.stat().st_size):
+        where += "?immutable=1"  # a file with a log is otherwise read only where its -shm file can be made; readers leave an empty log
     else:
         where += "?mode=ro"
     # Several threads, one after the other: the keeper's, and the one that ends the service.
