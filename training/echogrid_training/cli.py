@@ -44,7 +44,11 @@ EXAMPLES = {
     "import own": ("import own can.blf -c echogrid.toml --lidar lidar.mcap --mount lidar.toml --out drives/monday",),
     "scene": ("scene --out drives/scene",),
     "demo": ("demo --out drives/demo",),
-    "simulate": ("simulate --family train --towns 100 --seed 1 --out drives", "simulate --osm town.osm.pbf --towns 5 --out drives"),
+    "simulate": (
+        "simulate --family train --towns 100 --seed 1 --out drives",
+        "simulate --osm town.osm.pbf --towns 5 --out drives",
+        "simulate --family train --towns 8 --like drives/monday --out towns",
+    ),
     "label": ("label drives/monday drives/tuesday", "label drives/hills --ground followed"),
     "inspect": ("inspect drives/train-00000 --out look",),
     "fit": ("fit --drives drives --test test --out models", "fit --drives drives --small --out models"),
