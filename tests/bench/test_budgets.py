@@ -39,6 +39,7 @@ CALLS: dict[str, float] = {
     "measured, into the tiles": 144,
     "scans taken in": 100,
     "errors of wheels and mounts, by Doppler": 89,
+    "the gyro's bias, by what is seen again": 86,
     "where the car was at each scan": 74,
     "answer into the tiles": 73,
     "window to publish": 65,

@@ -117,6 +117,7 @@ def stages(
     pipeline.signals.pieces = counted_pieces  # type: ignore[assignment, method-assign]
     watch.on(mapper, **MAPPER)
     watch.on(mapper.doppler, add="errors of wheels and mounts, by Doppler")
+    watch.on(mapper.again, add="the gyro's bias, by what is seen again")
     watch.on(mapper.history, add="history", surroundings="history")
     watch.on(mapper.map, takes="measured, into the tiles", measure="measured, into the tiles", integrate="answer into the tiles")
     if isinstance(infer, OnnxSensorModel):
