@@ -44,6 +44,7 @@ def whole(data: tuple[Samples, Samples], tmp_path_factory: pytest.TempPathFactor
 
 def log(out: Path) -> list[dict[str, Any]]:
     lines = [json.loads(line) for line in (out / "log.jsonl").read_text().splitlines()]
+    assert all(0 < line["seconds"] < 600 for line in lines)
     return [{key: value for key, value in line.items() if key != "seconds"} for line in lines]
 
 
