@@ -37,7 +37,7 @@ CALLS: dict[str, float] = {
     "places of detections, movers and the rest": 167,
     "history": 161,
     "measured, into the tiles": 144,
-    "scans taken in": 100,
+    "scans taken in": 112,
     "errors of wheels and mounts, by Doppler": 89,
     "the gyro's bias, by what is seen again": 86,
     "where the car was at each scan": 74,
