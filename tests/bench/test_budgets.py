@@ -30,7 +30,7 @@ LOOP_GROWTH = 2.5  # of a loop
 TURNS, ROUNDS = 8, 6  # of a loop: a round that is within the budget ends it
 # Calls in an update.
 CALLS: dict[str, float] = {
-    "frames to scans and motion": 357,
+    "frames to scans and motion": 336,
     "motion to poses": 370,
     "gate by range rate; which radars and motion are trusted": 341,
     "messages to publish": 191,
