@@ -59,9 +59,11 @@ class Pipeline:
         the map's next state where it has changed: behind the frame that ended a cycle, and at the end of each piece."""
         for end, found in self.signals.pieces(batch, buses, self.mapper.span):
             for place, item in found:
+                newest_ns = self.signals.newest_ns
+                now_ns = newest_ns if place == end - 1 else item.received_ns if isinstance(item, RadarScan) else None
+                if now_ns is not None and (update := self.mapper.update(now_ns)) is not None:  # time was up without it
+                    yield place + 1, update
                 if isinstance(item, RadarScan):
-                    if (update := self.mapper.update(item.received_ns)) is not None:  # time was up without it
-                        yield place + 1, update
                     self.mapper.on_scan(item)
                     if (update := self.mapper.update(item.received_ns)) is not None:
                         yield place + 1, update
