@@ -8,6 +8,7 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 
 import can
 import pytest
@@ -298,6 +299,11 @@ def test_a_replay_without_a_map_is_no_success(tmp_path: Path, messages: list[can
 
 
 def test_what_mf4_needs_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setitem(sys.modules, "asammdf", None)
+    def find_spec(name: str, *_: object) -> None:
+        if name == "asammdf":
+            raise ImportError(name)
+
+    monkeypatch.delitem(sys.modules, "asammdf", raising=False)
+    monkeypatch.setattr(sys, "meta_path", [SimpleNamespace(find_spec=find_spec), *sys.meta_path])
     said = checked(tmp_path, "a.mf4", b"MDF", capsys)[1]
     assert said.endswith("a.mf4: reading .mf4 files needs the package asammdf: pip install asammdf")

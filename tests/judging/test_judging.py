@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from echogrid.core.messages import RadarScan, Speed, YawRate
 from echogrid.core.motion.se2 import SE2
@@ -111,7 +111,7 @@ def test_few_detections_among_ghosts_are_not_called_garbled() -> None:
     random = np.random.default_rng(6)
     motion, scans = synthetic(12.0, 6.0, 0.2, random)
     thinned = [
-        replace(
+        structs.replace(
             scan,
             range=scan.range[:7],
             azimuth=scan.azimuth[:7],

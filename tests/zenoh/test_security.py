@@ -415,7 +415,7 @@ TLS = '\n[publish.tls]\nca = "ca.pem"\ncertificate = "car.pem"\nkey = "/etc/car.
             'listen = ["tls/[::]:7447"]\nconnect = ["tcp/127.0.0.1:1"]' + TLS,
             "publish.connect: 'tcp/127.0.0.1:1' found beside [publish.tls]",
         ),
-        ('listen = ["tls/[::]:7447"]' + TLS.replace('["viewer"]', "[]"), "publish.tls.viewers: Expected `array` of length >= 1"),
+        ('listen = ["tls/[::]:7447"]' + TLS.replace('["viewer"]', "[]"), "publish.tls.viewers: [] found, expected an array of length >= 1"),
         ('listen = ["tls/[::]:7447"]' + TLS.replace('ca = "ca.pem"', ""), "publish.tls: the key 'ca' is missing"),
         ('plaintext = true\nlisten = ["tls/[::]:7447"]' + TLS, "publish.plaintext: found beside [publish.tls], expected one of them"),
         (
