@@ -18,7 +18,6 @@ from echogrid.can.signals import SignalReader, buses_of
 from echogrid.config.tables import Config
 from echogrid.core.health import Health
 from echogrid.core.mapper import Mapper, MapUpdate
-from echogrid.core.messages import PoseFix, RadarScan
 from echogrid.core.motion.error_filter import ErrorFilter
 from echogrid.core.motion.map_frame import MapFrame
 from echogrid.core.trust.watch import State
@@ -59,18 +58,8 @@ class Pipeline:
         the map's next state where it has changed: behind the frame that ended a cycle, and at the end of each piece."""
         for end, found in self.signals.pieces(batch, buses, self.mapper.span):
             for place, item in found:
-                newest_ns = self.signals.newest_ns
-                now_ns = newest_ns if place == end - 1 else item.received_ns if isinstance(item, RadarScan) else None
-                if now_ns is not None and (update := self.mapper.update(now_ns)) is not None:  # time was up without it
+                for update in self.mapper.take(item, self.signals.newest_ns if place == end - 1 else None):
                     yield place + 1, update
-                if isinstance(item, RadarScan):
-                    self.mapper.on_scan(item)
-                    if (update := self.mapper.update(item.received_ns)) is not None:
-                        yield place + 1, update
-                elif isinstance(item, PoseFix):
-                    self.mapper.on_pose(item)
-                else:
-                    self.mapper.on_motion(item)
             yield end, None if self.signals.newest_ns is None else self.mapper.update(self.signals.newest_ns)
 
     def updates(self, batches: Iterable[FrameBatch]) -> Iterator[MapUpdate]:

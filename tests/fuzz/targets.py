@@ -66,11 +66,9 @@ def _without_checksums(name: str) -> str:
 def _bus() -> Path:
     """A configuration with a radar of every shipped kind and the car's motion on one bus."""
     radars = ""
-    for index, name in enumerate(("corner_radar", "corner_radar_classic", "srr520", "ars408")):
+    for name, offset in (("corner_radar", 0), ("corner_radar_classic", 0x100), ("srr520", 0), ("ars408", 0)):
         _written(f"{name}.toml", _without_checksums(name).encode())
-        radars += (
-            f'[[radar]]\nname = "{name}"\nbus = "can0"\nprofile = "{name}.toml"\nid_offset = {index << 12}\nx = 3.6\ny = 0\nyaw_deg = 0\n'
-        )
+        radars += f'[[radar]]\nname = "{name}"\nbus = "can0"\nprofile = "{name}.toml"\nid_offset = {offset}\nx = 3.6\ny = 0\nyaw_deg = 0\n'
     _written("vehicle_motion.toml", _without_checksums("vehicle_motion").encode())
     head = frames.CONFIG.split("[[radar]]")[0].replace('bus = "can0"', 'bus = "can0"\nprofile = "vehicle_motion.toml"')
     return _written("bus.toml", (head + radars + "[grid]\ncells = 32\n").encode())

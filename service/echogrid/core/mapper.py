@@ -153,6 +153,21 @@ class Mapper:
         if self.frame is not None:
             self.frame.add(fix)
 
+    def take(self, item: RadarScan | EgoMotion | PoseFix, now_ns: int | None) -> Iterator[MapUpdate]:
+        """What a frame says, and the map's states that come of it. Time passes before it is heard, to the time that the traffic then has,
+        `now_ns`, or the scan's own: whether a cycle is over does not depend on other frames between. None: time stays."""
+        passed_ns = item.received_ns if now_ns is None and isinstance(item, RadarScan) else now_ns
+        if passed_ns is not None and (update := self.update(passed_ns)) is not None:
+            yield update
+        if isinstance(item, RadarScan):
+            self.on_scan(item)
+            if (update := self.update(item.received_ns)) is not None:
+                yield update
+        elif isinstance(item, PoseFix):
+            self.on_pose(item)
+        else:
+            self.on_motion(item)
+
     def span(self) -> tuple[int, int]:
         """ns: from when until before when `update` has nothing to do, but for a scan."""
         begin_ns = self.gathering.begin_ns

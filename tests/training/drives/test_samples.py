@@ -114,17 +114,18 @@ def test_images_are_those_that_the_service_shows_its_network(drive: Path, found:
 def test_a_disturbed_drive_shows_less_of_the_same_truth(drive: Path, found: list[Sample]) -> None:
     """Five seeds: none shows more, some show much less; each does the same twice, and truth and lidar stay."""
     plane = CHANNELS.index("count_15m")
-    shares = []
+    shares, stayed = [], 0
     for seed in range(5):
         cut = list(samples(drive, Disturbance(seed)))
         stays = [(one, other) for one in cut for other in found if one.stamp_ns == other.stamp_ns]
-        assert stays
+        stayed += len(stays)
         for one, other in stays:
             both = (one.truth != 0) & (other.truth != 0)
             np.testing.assert_array_equal(one.truth[both], other.truth[both])
             assert np.count_nonzero(one.truth) <= 1.02 * np.count_nonzero(other.truth)  # a silent radar earns nothing
             np.testing.assert_array_equal(one.lidar, other.lidar)
         shares.append(np.count_nonzero(cut[-1].image[plane]) / np.count_nonzero(found[-1].image[plane]))
+    assert stayed >= 4 * len(found)  # where a radar is silent a cycle may end with another scan
     assert max(shares) <= 1.0
     assert min(shares) < 0.8
     one, other = (list(samples(drive, Disturbance(1))) for _ in range(2))

@@ -12,7 +12,8 @@ from PIL import Image, ImageDraw
 
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
-from echogrid.core.messages import Floats, PoseFix, RadarScan
+from echogrid.core.mapper import MapUpdate
+from echogrid.core.messages import Floats, RadarScan
 from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
 from echogrid.logs.drive import find_drive
@@ -58,15 +59,14 @@ def _moments(config: Config, source: Path, log: Path, truth: SimulatedTruth) -> 
     seen: list[Floats] = []
     static: list[Floats] = []
     next_ns = 0
-    for _, items in pipeline.signals.heard(Log(log).batches(), config.bus):
+    for now_ns, items in pipeline.signals.heard(Log(log).batches(), config.bus):
+        ended = list[MapUpdate]()
         for item in items:
             if isinstance(item, RadarScan):
                 in_sensor = np.stack((item.range * np.cos(item.azimuth), item.range * np.sin(item.azimuth)), axis=1)
                 seen.append(mounts[item.sensor].base_from_sensor.apply(in_sensor))
-                pipeline.mapper.on_scan(item)
-            elif not isinstance(item, PoseFix):
-                pipeline.mapper.on_motion(item)
-        update = pipeline.mapper.update(pipeline.signals.newest_ns or 0)
+            ended += pipeline.mapper.take(item, now_ns)
+        update = pipeline.mapper.update(now_ns) or (ended[-1] if ended else None)
         if update is None:
             continue
         static.append(update.static_points)

@@ -116,13 +116,11 @@ def driven_through(
     out, waiting, last = Half(mapper.map, model), list[RadarScan](), dict[str, SE2]()
     epoch = mapper.epoch
     for now_ns, item in drive.items:
-        if not isinstance(item, RadarScan):
-            mapper.on_motion(item)
-        elif (item.sensor, item.stamp_ns) in left_out:
+        if isinstance(item, RadarScan) and (item.sensor, item.stamp_ns) in left_out:
             waiting.append(item)
+            updates = [mapper.update(now_ns)]
         else:
-            mapper.on_scan(item)
-        update = mapper.update(now_ns)
+            updates = [*mapper.take(item, now_ns), mapper.update(now_ns)]
         if mapper.epoch != epoch:
             epoch = mapper.epoch
             out.maps += 1
@@ -146,8 +144,9 @@ def driven_through(
             ego = mapper.odometry.at(scan.stamp_ns)
             if ego is not None:
                 _ask(out, mapper, scan, ego, radars[scan.sensor], stretch, last, ask=ask)
-        if update is not None and seen is not None:
-            seen(update, stretch)
+        for update in updates:
+            if update is not None and seen is not None:
+                seen(update, stretch)
     mapper.end_cycle()
     return out
 

@@ -66,11 +66,8 @@ def azimuth_errors(drive: RealDrive) -> dict[str, tuple[float, float]]:
     mapper = Pipeline(load_config(drive.config, "analytic"), drive.config).mapper
     mapper.map, mapper.infer = Unwritten(mapper.map.spec, Calibration()), lambda _: Image((0,))  # no map is made
     for now_ns, item in drive.items:
-        if isinstance(item, RadarScan):
-            mapper.on_scan(item)
-        else:
-            mapper.on_motion(item)
-        mapper.update(now_ns)
+        for _ in mapper.take(item, now_ns):
+            pass
     said = mapper.odometry.errors.learned()
     out = {}
     for name in mapper.mounts:

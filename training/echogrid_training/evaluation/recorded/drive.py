@@ -57,10 +57,9 @@ class RealDrive:
         """The map that the service makes of it, without some scans, given by sensor and stamp."""
         mapper = Pipeline(config, self.config).mapper
         for now_ns, item in self.items:
-            if not isinstance(item, RadarScan):
-                mapper.on_motion(item)
-            elif (item.sensor, item.stamp_ns) not in left_out:
-                mapper.on_scan(item)
+            if not isinstance(item, RadarScan) or (item.sensor, item.stamp_ns) not in left_out:
+                for _ in mapper.take(item, now_ns):
+                    pass
             mapper.update(now_ns)
         mapper.end_cycle()
         return mapper.map

@@ -91,12 +91,8 @@ def play(events: Iterable[Event], mappers: Sequence[Mapper]) -> Iterator[EgoStat
     for event in events:
         updates = []
         for mapper in mappers:
-            for item in event.items:
-                if isinstance(item, RadarScan):
-                    mapper.on_scan(item)
-                else:
-                    mapper.on_motion(item)
-            updates.append(mapper.update(event.now_ns))
+            ended = [update for item in event.items for update in mapper.take(item, event.now_ns)]
+            updates.append(mapper.update(event.now_ns) or (ended[-1] if ended else None))
         if updates[0] is not None:
             yield updates[0].ego
 
