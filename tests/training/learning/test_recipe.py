@@ -10,6 +10,7 @@ import torch
 
 from echogrid_training.learning.autoencoder import PaperAutoencoder
 from echogrid_training.learning.dataset import Samples, of_lidar
+from echogrid_training.learning.judging import held_out_loss
 from echogrid_training.learning.recipe import Default, Paper, Recipe, shares
 from echogrid_training.learning.unet import CLASS_WEIGHTS, UNet
 
@@ -99,3 +100,11 @@ def test_shares_are_counted() -> None:
     labels = np.array([[[-100, -1, 0, 0], [127, 0, -3, 1]]], dtype=np.int8)
     assert shares(labels) == (3 / 8, 3 / 8, 2 / 8)
     assert shares(np.full((1, 2, 4), -5, np.int8)) == (1, 1 / 8, 1 / 8)  # what is missing counts as one cell: losses divide by it
+
+
+def test_a_held_out_loss_is_the_sum_of_its_samples() -> None:
+    """So two halves add up to the whole: nothing is added besides, and none counts twice."""
+    data, way, model = some(3), Default(SHARES), UNet((4, 8))
+    parts = [held_out_loss(way, model, data.chosen(np.array(which))) for which in ((0,), (1, 2), (0, 1, 2))]
+    assert parts[2] > 0
+    assert parts[0] + parts[1] == pytest.approx(parts[2], rel=1e-5)
