@@ -233,3 +233,16 @@ def test_the_arguments_need_no_torch() -> None:
     code = "import sys, echogrid_training.learning.fit; print('torch' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=PATIENCE)
     assert done.stdout.strip() == "False"
+
+
+def test_drives_are_taken_from_the_first_to_the_last() -> None:
+    drives = [Path(f"{number}") for number in range(9)]
+    assert fit.some(drives, 3) == [drives[0], drives[4], drives[8]]
+    assert fit.some(drives, 20) == drives
+
+
+@pytest.mark.parametrize(("text", "share"), [("0", 0.0), ("0.25", 0.25), ("1", 1.0)])
+def test_all_of_a_file_s_weights_may_stay_or_go(text: str, share: float) -> None:
+    parser = argparse.ArgumentParser()
+    fit.add_arguments(parser)
+    assert parser.parse_args(["--out", "out", "--drives", "drives", "--keep", text]).keep == share
