@@ -11,9 +11,11 @@ Integers = NDArray[np.int64]
 Places = NDArray[np.int32]
 Bytes = NDArray[np.uint8]
 Bits = NDArray[np.uint16]
+Marks = NDArray[np.uint32]
 Mask = NDArray[np.bool_]
 
 SIDE = 128  # cells along a tile's side
+OWN, PASSED = 1, 2  # bits of what a look has marked a cell with
 
 
 def once(values: NDArray[np.integer]) -> NDArray[np.integer]:

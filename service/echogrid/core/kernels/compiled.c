@@ -128,7 +128,9 @@ static PyObject *done(Given *given) {
 }
 
 /* Loops that gain from wider registers, with the same results: chosen when the module is loaded. */
-#if defined(__x86_64__) && defined(__GLIBC__) && !defined(__clang__)
+#if defined(__x86_64__) && defined(__GLIBC__) && !defined(__clang__) && __GNUC__ >= 12
+#define WIDE __attribute__((target_clones("arch=x86-64-v4", "avx2", "default")))
+#elif defined(__x86_64__) && defined(__GLIBC__) && !defined(__clang__)
 #define WIDE __attribute__((target_clones("avx2", "default")))
 #else
 #define WIDE
@@ -536,39 +538,42 @@ KERNEL(elfes) {
 /* What a look adds to one cell, by its row and column in the window. */
 typedef struct {
     int16_t row, column;
-    uint16_t who, passed;
+    uint16_t who, crossed;
     double share, near;
 } Touched;
 
-static inline Touched *touch(Touched *list, int32_t *place, Py_ssize_t *count, int64_t row, int64_t column, int64_t size) {
-    int64_t cell = row * size + column;
-    if (!place[cell]) {
-        list[*count] = (Touched){.row = (int16_t)row, .column = (int16_t)column};
-        place[cell] = (int32_t)++*count;
+enum { OWN_MARK = 1, PASSED_MARK = 2, MARKS = 2 }; /* bits of a cell's marks; what is above them is its place in the list, from 1 */
+
+static inline Touched *touch(Touched *list, uint32_t *marks, Py_ssize_t *count, int32_t at, int32_t size) {
+    uint32_t place = marks[at] >> MARKS;
+    if (!place) {
+        list[*count] = (Touched){.row = (int16_t)(at / size), .column = (int16_t)(at % size)};
+        place = (uint32_t)++*count;
+        marks[at] |= place << MARKS;
     }
-    return &list[place[cell] - 1];
+    return &list[place - 1];
 }
 
 static int ascending(const void *one, const void *other) { return (*(int32_t *)one > *(int32_t *)other) - (*(int32_t *)one < *(int32_t *)other); }
 
 KERNEL(look) {
-    TAKE("xxxxd2d1d2d2d2d1H1xl1d1f1!B1!B1!i1!l1!i1!f1!f1!f1!H1!");
+    TAKE("xxxxd2d1d2d2d2d1H1xl1d1f1!I1!l1!i1!f1!f1!f1!H1!");
     int64_t row = (int64_t)given.number[0], column = (int64_t)given.number[1], size = (int64_t)given.number[2];
     Py_ssize_t beams = LENGTH(2, 0), rays = LENGTH(1, 0), around = LENGTH(7, 0), cells = size * size, tile_row = row >> 7, tile_column = column >> 7;
     Py_ssize_t tall = ((row + size - 1) >> 7) - tile_row + 1, wide = ((column + size - 1) >> 7) - tile_column + 1;
     int fits = LENGTH(0, 0) == beams * rays && LENGTH(0, 1) == 2 && LENGTH(2, 1) == 2 && LENGTH(3, 0) == beams && LENGTH(3, 1) == 2 &&
                LENGTH(4, 0) == beams && LENGTH(4, 1) == 2 && LENGTH(5, 0) == beams && LENGTH(6, 0) == beams && LENGTH(8, 0) == around &&
-               LENGTH(13, 0) == tall * wide + 1 && size < 1 << 15;
-    for (int n = 9; n < 19; n++) fits &= n == 13 || LENGTH(n, 0) == cells;
+               LENGTH(11, 0) == tall * wide + 1 && size < 1 << 15;
+    for (int n = 9; n < 17; n++) fits &= n == 11 || LENGTH(n, 0) == cells;
     if (!sized(&given, fits)) return NULL;
     const double *shares = ARRAY(1)->buf, *distance = ARRAY(5)->buf, *weights = ARRAY(8)->buf;
     const uint16_t *radars = ARRAY(6)->buf;
     const int64_t *offsets = ARRAY(7)->buf;
-    float *hit = ARRAY(9)->buf, *hits = ARRAY(15)->buf, *near = ARRAY(16)->buf, *passes = ARRAY(17)->buf;
-    uint8_t *own = ARRAY(10)->buf, *passed = ARRAY(11)->buf;
-    uint16_t *who = ARRAY(18)->buf;
-    int64_t *begins = ARRAY(13)->buf;
-    int32_t *inside = ARRAY(14)->buf, *place = ARRAY(12)->buf;
+    float *hit = ARRAY(9)->buf, *hits = ARRAY(13)->buf, *near = ARRAY(14)->buf, *passes = ARRAY(15)->buf;
+    uint32_t *marks = ARRAY(10)->buf;
+    uint16_t *who = ARRAY(16)->buf;
+    int64_t *begins = ARRAY(11)->buf;
+    int32_t *inside = ARRAY(12)->buf, across = (int32_t)size;
     double cell = given.number[3], margin = given.number[4], step = cell / 2;
     Py_ssize_t touched = 0, fresh = 0;
     double most = beams * (double)(rays + around); /* cells that may be touched */
@@ -590,15 +595,15 @@ KERNEL(look) {
     for (Py_ssize_t n = 0; n < beams * rays; n++) {
         const double *end = ROW(double, 0, n);
         if (!inside_window(end[0], end[1], &window, &r, &c)) continue;
-        Touched *found = touch(list, place, &touched, r, c, size);
+        Touched *found = touch(list, marks, &touched, (int32_t)(r * size + c), across);
         found->share += shares[n % rays];
         found->who |= radars[n / rays];
     }
     for (Py_ssize_t n = 0; n < beams; n++) {
         const double *point = ROW(double, 2, n), *origin = ROW(double, 3, n), *direction = ROW(double, 4, n);
         int32_t before = -1;
-        if (inside_window(point[0], point[1], &window, &r, &c) && !own[r * size + c]) {
-            own[r * size + c] = 1;
+        if (inside_window(point[0], point[1], &window, &r, &c) && !(marks[r * size + c] & OWN_MARK)) {
+            marks[r * size + c] |= OWN_MARK;
             mine[fresh++] = (int32_t)(r * size + c);
         }
         double limit = distance[n] - margin;
@@ -610,17 +615,16 @@ KERNEL(look) {
             int32_t at = way[k];
             if (at < 0 || at == before) continue;
             before = at;
-            Touched *found = place[at] ? &list[place[at] - 1] : touch(list, place, &touched, at / (int32_t)size, at % (int32_t)size, size);
+            Touched *found = touch(list, marks, &touched, at, across);
             found->who |= radars[n];
-            found->passed |= !passed[at];
-            passed[at] = 1;
+            found->crossed = 1;
         }
     }
     qsort(mine, fresh, sizeof *mine, ascending); /* sums are made in this order everywhere */
     for (Py_ssize_t n = 0; n < fresh; n++)
         for (Py_ssize_t k = 0; k < around; k++) {
             int64_t at = mine[n] + offsets[k];
-            if (at >= 0 && at < cells) touch(list, place, &touched, at / size, at % size, size)->near += weights[k];
+            if (at >= 0 && at < cells) touch(list, marks, &touched, (int32_t)at, across)->near += weights[k];
         }
     memset(begins, 0, (tall * wide + 1) * sizeof *begins);
 #define TILE_OF(one) ((((one).row + row) >> 7) - tile_row) * wide + (((one).column + column) >> 7) - tile_column
@@ -630,13 +634,17 @@ KERNEL(look) {
         const Touched *found = &list[n];
         int64_t at = found->row * size + found->column;
         Py_ssize_t out = begins[TILE_OF(*found)]++;
-        float share = (float)(found->share < 1 ? found->share : 1), more = share - hit[at];
-        place[at] = 0;
-        hits[out] = more > 0 ? more : 0;
-        hit[at] += hits[out];
+        uint32_t before = marks[at] & (OWN_MARK | PASSED_MARK);
+        marks[at] = before | found->crossed * PASSED_MARK;
+        hits[out] = 0;
+        if (found->share > 0) {
+            float share = (float)(found->share < 1 ? found->share : 1), more = share - hit[at];
+            hits[out] = more > 0 ? more : 0;
+            hit[at] += hits[out];
+        }
         inside[out] = (int32_t)(((found->row + row) & 127) * SIDE + ((found->column + column) & 127));
         near[out] = (float)found->near;
-        passes[out] = found->passed;
+        passes[out] = found->crossed && !(before & PASSED_MARK);
         who[out] = found->who;
     }
     memmove(begins + 1, begins, tall * wide * sizeof *begins);

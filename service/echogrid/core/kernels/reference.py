@@ -13,10 +13,13 @@ from echogrid.core.kernels.answers import fold as fold
 from echogrid.core.kernels.answers import odds as odds
 from echogrid.core.kernels.can_frames import can_frames as can_frames
 from echogrid.core.kernels.cells import (
+    OWN,
+    PASSED,
     Bits,
     Bytes,
     Floats,
     Integers,
+    Marks,
     Mask,
     Places,
     Singles,
@@ -188,9 +191,7 @@ def look(
     offsets: Integers,
     weights: Floats,
     hit: Singles,
-    own: Bytes,
-    passed: Bytes,
-    scratch: Places,
+    marks: Marks,
     begins: Integers,
     inside: Places,
     hits: Singles,
@@ -203,11 +204,11 @@ def look(
     Beams: points (N, 2) seen from origins (N, 2) over `distance` (N,) m along direction (N, 2), by `radars` (N,) bits; they may end in
     ends (N * R, 2) with shares (R,). A cell around a point's, `offsets` (K,) flat cells from it, is near it by weights (K,).
 
-    The look so far, flat cells, changed: `hit` the largest share, `own` 1 where a point was, `passed` 1 where a beam passed.
+    The look so far, flat cells, changed: `hit` the largest share, `marks` OWN where a point was and PASSED where a beam passed.
 
     Out, tile by tile: `begins` (T + 1,) where each tile's cells begin in the rest, rows of tiles first. Of cells that a beam touched:
     `inside` the flat cell in its tile, what is to be added to hits, near and passes, and `who` touched it. Their order within a tile is
-    free; arrays are as long as the window has cells. `scratch`, as long, holds zeros before and after.
+    free; arrays are as long as the window has cells.
     """
     flat = window_cells(ends, row, column, size, cell)
     in_window = flat >= 0
@@ -218,8 +219,8 @@ def look(
     hit += more
     mine = once(window_cells(points, row, column, size, cell))
     mine = mine[mine >= 0]
-    mine = mine[own[mine] == 0]
-    own[mine] = 1
+    mine = mine[marks[mine] & OWN == 0]
+    marks[mine] |= OWN
     around = mine[:, None] + offsets
     fits = (around >= 0) & (around < size * size)
     beside = np.bincount(around[fits], weights=np.broadcast_to(weights, around.shape)[fits], minlength=size * size)
@@ -229,8 +230,8 @@ def look(
     beam, through = beam[through >= 0], through[through >= 0]
     fresh = np.zeros(size * size, np.uint8)
     fresh[through] = 1
-    fresh &= passed == 0
-    passed |= fresh
+    fresh &= marks & PASSED == 0
+    marks[fresh > 0] |= PASSED
     by = np.zeros(size * size, np.uint16)
     for cells, bits in ((flat[in_window], np.repeat(radars, len(shares))[in_window]), (through, radars[beam])):
         for bit in once(bits):

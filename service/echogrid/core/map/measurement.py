@@ -67,10 +67,10 @@ class Measurement:
         self._offsets = outer
         self._weights = np.where(np.isin(outer, inner), NEAR[0][1] + NEAR[1][1], NEAR[1][1])
         cells = self._size**2
-        self._scratch, self._inside = np.zeros(cells, np.int32), np.empty(cells, np.int32)
+        self._inside = np.empty(cells, np.int32)
         self._hits, self._near, self._passes = (np.empty(cells, np.float32) for _ in range(3))
         self._radars = np.empty(cells, np.uint16)
-        self._hit, self._own, self._passed = np.zeros(cells, np.float32), np.zeros(cells, np.uint8), np.zeros(cells, np.uint8)
+        self._hit, self._marks = np.zeros(cells, np.float32), np.zeros(cells, np.uint32)
         self.begin(SE2(0.0, 0.0, 0.0))
 
     def begin(self, odom_from_base: SE2) -> None:
@@ -78,8 +78,8 @@ class Measurement:
         half = self._size // 2
         row, column = (math.floor(value / self._cell) - half for value in (odom_from_base.y, odom_from_base.x))
         self._window = Window(row, column, self._size, self._cell)
-        for counted in (self._hit, self._own, self._passed):
-            counted.fill(0)
+        self._hit.fill(0)
+        self._marks.fill(0)
         self._standstill: Standstill | None = None
         self._arrived = np.zeros(0, np.float32)  # looks that arrivals were given
 
@@ -103,9 +103,7 @@ class Measurement:
             self._offsets,
             self._weights,
             self._hit,
-            self._own,
-            self._passed,
-            self._scratch,
+            self._marks,
             begins,
             self._inside,
             self._hits,
