@@ -83,7 +83,7 @@ class StoredEpoch:
         extent = Extent()
         for (row, column), tile in self.tiles(on_progress):
             known = self.log_odds(tile) != 0
-            inside = changed(known, np.zeros_like(known))
+            inside = changed(known.view(np.int8), np.zeros(known.shape, np.int8))
             extent.known = extent.known.joined(inside._replace(row=row * SIDE + inside.row, column=column * SIDE + inside.column))
             extent.known_cells += int(known.sum())
             extent.measured_cells += int(self.measured(tile).sum())

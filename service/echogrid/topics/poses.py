@@ -51,7 +51,8 @@ class Transform:
 def spread(covariance: Covariance, axes: Sequence[int]) -> Covariance:
     """(6, 6) of ROS from one of some of its axes: 0 x, 1 y, 5 yaw; a car on a plane is sure of the others, whose variances are 0."""
     whole = _unknown()
-    whole[np.ix_(axes, axes)] = covariance
+    for axis, row in zip(axes, covariance, strict=True):
+        whole[axis].put(axes, row)
     return whole
 
 

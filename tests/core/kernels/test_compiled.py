@@ -214,6 +214,15 @@ def percent(random: Random, size: int) -> list[Any]:
     return [random.choice(np.concatenate((single(random, 50), special)), (size, 7)), np.zeros((size, 7), np.int8)]
 
 
+def differing(random: Random, size: int) -> list[Any]:
+    """Often equal but for a few places; parts of larger arrays."""
+    before = random.integers(-1, 3, (size % 9, size + 5)).astype(np.int8)
+    after = before.copy()
+    for _ in range(int(random.integers(0, 3)) if before.size else 0):
+        after[random.integers(len(after)), random.integers(size + 5)] = 7
+    return [before[:, 2 : size + 3], after[:, 2 : size + 3], np.ones(4, np.int64)]
+
+
 def beside(random: Random, size: int) -> list[Any]:
     return [points(random, size, 5, 1.0), random.random(size) < 0.3, 2.0, np.ones(size, np.bool_)]  # many are 2 m apart
 
@@ -275,7 +284,7 @@ CASES: dict[str, Callable[[Random, int], list[Any]]] = {
             elfes,
             look,
         ),
-        *(add_measured, usual, fold, odds, beside, common_motion, signals, quantities, read_out, percent),
+        *(add_measured, usual, fold, odds, beside, common_motion, signals, quantities, read_out, percent, differing),
     )
 }
 

@@ -990,6 +990,28 @@ KERNEL(percent) {
     return done(&given);
 }
 
+KERNEL(differing) {
+    TAKE("b2b2l1!");
+    Py_ssize_t height = LENGTH(0, 0), width = LENGTH(0, 1), top = -1, bottom = -1, left = width, right = -1;
+    if (!sized(&given, LENGTH(1, 0) == height && LENGTH(1, 1) == width && LENGTH(2, 0) == 4)) return NULL;
+    int64_t *out = ARRAY(2)->buf;
+    for (Py_ssize_t i = 0; i < height; i++) {
+        const int8_t *one = ROW(int8_t, 0, i), *other = ROW(int8_t, 1, i);
+        if (!memcmp(one, other, width)) continue;
+        top = top < 0 ? i : top;
+        bottom = i;
+        for (Py_ssize_t j = 0; j < left; j++)
+            if (one[j] != other[j]) left = j;
+        for (Py_ssize_t j = width - 1; j > right; j--)
+            if (one[j] != other[j]) right = j;
+    }
+    out[0] = top < 0 ? 0 : top;
+    out[1] = top < 0 ? 0 : left;
+    out[2] = top < 0 ? 0 : bottom - top + 1;
+    out[3] = top < 0 ? 0 : right - left + 1;
+    return done(&given);
+}
+
 KERNEL(beside) {
     TAKE("d2B1xB1!");
     Py_ssize_t size = LENGTH(0, 0), movers = 0;
@@ -1097,7 +1119,7 @@ static PyMethodDef methods[] = {
     ENTRY(moved),     ENTRY(polar),     ENTRY(deviations), ENTRY(draw_now),  ENTRY(draw_past), ENTRY(draw_passes), ENTRY(draw_looks),   ENTRY(bilinear), ENTRY(add_clamped),
     ENTRY(note_views), ENTRY(add_looks), ENTRY(elfes),    ENTRY(look),        ENTRY(add_measured), ENTRY(usual),
     ENTRY(signals),   ENTRY(quantities), ENTRY(fold), ENTRY(odds), ENTRY(beside), ENTRY(common_motion),
-    ENTRY(read_out),  ENTRY(percent),
+    ENTRY(read_out),  ENTRY(percent), ENTRY(differing),
     ENTRY(candump_lines), ENTRY(asc_lines), ENTRY(trc_lines), ENTRY(csv_lines), ENTRY(blf_objects), ENTRY(assemble), ENTRY(identify), ENTRY(can_frames),
     {NULL, NULL, 0, NULL},
 };

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echogrid.core.kernels.answers import LN2_HIGH, LN2_LOW, exponential
-from echogrid.core.kernels.cells import Singles
+from echogrid.core.kernels.cells import Integers, Singles
 
 LEAST, MOST = 1e-30, 1e30  # odds beyond which log-odds go no further
 HALF_ROOT = np.float32(0.70710677)  # of 2: where a mantissa's octave begins
@@ -89,3 +89,11 @@ def within(x: Singles, least: float, most: float) -> Singles:
     """Clipped; what is no number becomes `least`."""
     above = np.where(x > np.float32(least), x, np.float32(least))
     return np.where(above < np.float32(most), above, np.float32(most))
+
+
+def differing(before: NDArray[np.int8], after: NDArray[np.int8], out: Integers) -> None:
+    """The smallest rectangle of the arrays (H, W) outside which they are equal: out (4,) is its first row and column, height and width; all 0
+    where they are equal everywhere."""
+    differs = before != after
+    rows, columns = np.flatnonzero(differs.any(axis=1)), np.flatnonzero(differs.any(axis=0))
+    out[:] = (rows[0], columns[0], rows[-1] - rows[0] + 1, columns[-1] - columns[0] + 1) if len(rows) else 0

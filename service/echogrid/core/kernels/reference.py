@@ -41,6 +41,7 @@ from echogrid.core.kernels.lines import blf_objects as blf_objects
 from echogrid.core.kernels.lines import candump_lines as candump_lines
 from echogrid.core.kernels.lines import csv_lines as csv_lines
 from echogrid.core.kernels.lines import trc_lines as trc_lines
+from echogrid.core.kernels.reading import differing as differing
 from echogrid.core.kernels.reading import percent as percent
 from echogrid.core.kernels.reading import read_out as read_out
 from echogrid.core.kernels.scans import assemble as assemble

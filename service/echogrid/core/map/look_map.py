@@ -88,9 +88,9 @@ class LookMap(TiledMap):
         under, tiles = self._changing(footprint, view)
         loops.add_looks(said, 1 / UPDATES, *footprint.lies, MOST_LOOKS, under, [tile.layers for tile in tiles])
 
-    def read(self, layers: Layers) -> LogOdds:
+    def read(self, layers: Layers, into: LogOdds | None = None) -> LogOdds:
         """What was learned and what was measured together, as docs/fusion.md says."""
-        return read_out(layers, self.calibration.learned, self.calibration.offset)
+        return read_out(layers, self.calibration.learned, self.calibration.offset, into)
 
     def learned(self, layers: Layers) -> LogOdds:
         """(H, W): the calibrated mean of what the network said alone; 0 where it said nothing."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.core.kernels.dispatch import loops
 from echogrid.core.motion.se2 import SE2
 
 STEP = 32  # cells by which a key frame's window moves; a quarter of windows that are smaller than four of them
@@ -42,21 +44,23 @@ NOTHING = Rectangle(0, 0, 0, 0)
 
 def around(pose: SE2, cell: float, cells: int) -> Rectangle:
     """The window of cells x cells of `cell` m with a pose in its middle."""
-    row, column = (int(np.floor(along / cell)) - cells // 2 for along in (pose.y, pose.x))
-    return Rectangle(row, column, cells, cells)
+    return Rectangle(math.floor(pose.y / cell) - cells // 2, math.floor(pose.x / cell) - cells // 2, cells, cells)
 
 
 def key_window(window: Rectangle) -> Rectangle:
     """The window of the same size that is nearest to it among those whose first cells are whole steps apart."""
-    steps = (max(1, min(STEP, side // 4)) for side in (window.height, window.width))
-    row, column = ((first + step // 2) // step * step for first, step in zip(window[:2], steps, strict=True))
-    return Rectangle(row, column, window.height, window.width)
+    row, column, height, width = window
+    return Rectangle(_whole_steps(row, height), _whole_steps(column, width), height, width)
 
 
-def changed(before: NDArray[Any], after: NDArray[Any]) -> Rectangle:
+def _whole_steps(first: int, length: int) -> int:
+    """Along one axis: the first cell of the key window."""
+    step = max(1, min(STEP, length // 4))
+    return (first + step // 2) // step * step
+
+
+def changed(before: NDArray[np.int8], after: NDArray[np.int8]) -> Rectangle:
     """The smallest rectangle of the arrays (H, W) outside which they are equal; NOTHING where they are equal everywhere."""
-    differs = before != after
-    rows, columns = np.flatnonzero(differs.any(axis=1)), np.flatnonzero(differs.any(axis=0))
-    if not len(rows):
-        return NOTHING
-    return Rectangle(int(rows[0]), int(columns[0]), int(rows[-1] - rows[0]) + 1, int(columns[-1] - columns[0]) + 1)
+    found = np.empty(4, np.int64)
+    loops.differing(before, after, found)
+    return Rectangle(*found.tolist())

@@ -35,9 +35,12 @@ class OccupancyMap(TiledMap):
         for (inside, piece), tile in zip(parts(under), tiles, strict=True):
             loops.add_clamped(patch[piece], self.clamp, LEAST, tile.layers[0][inside])
 
-    def read(self, layers: Layers) -> LogOdds:
+    def read(self, layers: Layers, into: LogOdds | None = None) -> LogOdds:
         (log_odds,) = layers
-        return np.asarray(log_odds)
+        if into is None:
+            return np.asarray(log_odds)
+        into[:] = log_odds
+        return into
 
     def measured(self, layers: Layers) -> NDArray[np.bool_]:
         """All that is known: a sum does not tell what a network said from what geometry did."""

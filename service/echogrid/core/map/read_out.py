@@ -24,15 +24,15 @@ SURER, CALMER = 4.2, 0.72  # how much surer than it is said to be what is free t
 LEAST = math.log(0.106 / 0.894)  # what a cell says at least that is not free: in percent it is 11, and no rounding makes it free
 
 
-def read_out(layers: Layers, gain: float = 1.0, offset: float = 0.0) -> LogOdds:
+def read_out(layers: Layers, gain: float = 1.0, offset: float = 0.0, into: LogOdds | None = None) -> LogOdds:
     """Layers (5, …) of a LookMap -> (…) log-odds of occupancy; 0 where all layers are 0, and only there.
 
-    `gain` and `offset` calibrate the mean of the network's log-odds.
+    `gain` and `offset` calibrate the mean of the network's log-odds. `into`: where they are written, if the layers are (5, H, W).
     """
     flat = layers if layers.ndim == 3 else layers.reshape(len(layers), 1, -1)
     if flat.strides[-1] != flat.itemsize:  # the loop walks along rows
         flat = np.ascontiguousarray(flat)
-    out = np.empty(flat.shape[1:], dtype=np.float32)
+    out = np.empty(flat.shape[1:], dtype=np.float32) if into is None else into
     loops.read_out(
         flat,
         gain,

@@ -82,8 +82,8 @@ class TiledMap(ABC):
         """
 
     @abstractmethod
-    def read(self, layers: Layers) -> LogOdds:
-        """(layers, H, W) -> (H, W) log-odds of occupancy; 0 means not known, and no known cell has exactly 0."""
+    def read(self, layers: Layers, into: LogOdds | None = None) -> LogOdds:
+        """(layers, H, W) -> (H, W) log-odds of occupancy; 0 means not known, and no known cell has exactly 0. `into`: written there."""
 
     @abstractmethod
     def measured(self, layers: Layers) -> NDArray[np.bool_]:
@@ -104,7 +104,7 @@ class TiledMap(ABC):
         for key, inside, piece in pieces(row, column, height, width):
             tile = self._used(key)
             if tile is not None:
-                out[piece] = self.read(tile.layers[:, *inside])
+                self.read(tile.layers[:, *inside], out[piece])
         return out
 
     def window_of_layers(self, row: int, column: int, height: int, width: int) -> Layers:

@@ -21,7 +21,7 @@ SLOWEST = 1.0  # m/s: slower wheels are not compared
 TELLING, MOST_VOTES = 0.04, 3  # m/s that a change of the yaw rate makes of the wheels' difference, to tell whether both go together
 FARTHEST = 4.0  # sigmas: what is farther off is no measurement
 UNSURE, SURE = 1.5, 2.0  # sigmas: of an estimate up to which nothing is taken off, and from which on all of it
-MOTION = np.array((SCALE, BIAS, TURN_SCALE))  # what the motion itself is off by
+MOTION = slice(SCALE, TURN_SCALE + 1)  # scale, bias and turn scale: what the motion itself is off by
 SMOOTHED = 0.2  # s over which accelerations are taken
 
 Learns = Literal["driving", "standing", "never"]
@@ -93,7 +93,7 @@ class ErrorFilter:
         """At the newest pose, while the car moves like this (m/s, rad/s, corrected)."""
         mean, covariance = self.mean, self.covariance
         pose = covariance[:POSE, :POSE] + mean[:POSE, None] * mean[:POSE]
-        (scales, with_bias, with_turn), (_, biases, bias_turn), (_, _, turns) = covariance[MOTION[:, None], MOTION].tolist()
+        (scales, with_bias, with_turn), (_, biases, bias_turn), (_, _, turns) = covariance[MOTION, MOTION].tolist()
         scale, bias, turn_scale = mean[MOTION].tolist()  # the speed is off by speed * scale, the yaw rate by yaw_rate * turn_scale - bias
         wheels, gyro = speed * (scale - self.scale), yaw_rate * turn_scale - (bias - self.bias)
         both = speed * (yaw_rate * with_turn - with_bias) + wheels * gyro
