@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import can
 import numpy as np
@@ -95,7 +96,7 @@ class MotionReader:
             return None
         return found[0], found[1]
 
-    def read(self, frame_id: FrameId, values: list[float], counted: tuple[int, int], received_ns: int) -> list[EgoMotion]:
+    def read(self, frame_id: FrameId, values: list[float], counted: Sequence[int], received_ns: int) -> list[EgoMotion]:
         """What a sound frame, with these values, counter and direction in it, says of the motion. Raises ValueError for one that says
         nothing, which changes nothing."""
         left, right, yaw_rate = values

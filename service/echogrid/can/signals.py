@@ -154,12 +154,9 @@ class SignalReader:
     def _others(self, intake: Intake, begin: int, end: int) -> list[Found]:
         """What no radar sent, frame by frame."""
         found: list[Found] = []
-        places = intake.others[bisect_left(intake.others, begin) : bisect_left(intake.others, end)]
-        if not places:
-            return found
-        frames = intake.frames
-        columns = (frames.roles, frames.received_ns, frames.wrong, intake.values, intake.counted)
-        for at, role, received_ns, wrong, values, counted in zip(places, *(column[places].tolist() for column in columns), strict=True):
+        others, frames = intake.others, intake.frames
+        for n in range(bisect_left(others, begin), bisect_left(others, end)):
+            at, (role, received_ns, wrong, values, counted) = others[n], intake.said[n]
             reader, frame_id = self._table.others[role]
             try:
                 if wrong:
@@ -172,7 +169,8 @@ class SignalReader:
             except ValueError:
                 self.health.bad_frames += 1
                 continue
-            found += [(at, item) for item in said]
+            for item in said:
+                found.append((at, item))
         return found
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -153,17 +153,30 @@ class Mapper:
         if self.frame is not None:
             self.frame.add(fix)
 
-    def take(self, item: RadarScan | EgoMotion | PoseFix, now_ns: int | None) -> Iterator[MapUpdate]:
+    def take(self, item: RadarScan | EgoMotion | PoseFix, now_ns: int | None) -> Iterable[MapUpdate]:
         """What a frame says, and the map's states that come of it. Time passes before it is heard, to the time that the traffic then has,
         `now_ns`, or the scan's own: whether a cycle is over does not depend on other frames between. None: time stays."""
-        passed_ns = item.received_ns if now_ns is None and isinstance(item, RadarScan) else now_ns
-        if passed_ns is not None and (update := self.update(passed_ns)) is not None:
-            yield update
         if isinstance(item, RadarScan):
-            self.on_scan(item)
-            if (update := self.update(item.received_ns)) is not None:
-                yield update
-        elif isinstance(item, PoseFix):
+            return self._with_scan(item, item.received_ns if now_ns is None else now_ns)
+        if now_ns is not None:
+            return self._with_motion(item, now_ns)
+        self._hear(item)
+        return ()
+
+    def _with_scan(self, scan: RadarScan, now_ns: int) -> Iterator[MapUpdate]:
+        if (update := self.update(now_ns)) is not None:
+            yield update
+        self.on_scan(scan)
+        if (update := self.update(scan.received_ns)) is not None:
+            yield update
+
+    def _with_motion(self, item: EgoMotion | PoseFix, now_ns: int) -> Iterator[MapUpdate]:
+        if (update := self.update(now_ns)) is not None:
+            yield update
+        self._hear(item)
+
+    def _hear(self, item: EgoMotion | PoseFix) -> None:
+        if isinstance(item, PoseFix):
             self.on_pose(item)
         else:
             self.on_motion(item)

@@ -19,7 +19,7 @@ from echogrid.core.kernels.dispatch import loops
 from echogrid.core.kernels.frames import GREATEST
 from echogrid.core.kernels.identify import BUS_BIT, EXTENDED_BIT, Sort
 from echogrid.core.kernels.plans import Plans
-from echogrid.core.messages import EgoMotion, Floats, PoseFix, RadarScan
+from echogrid.core.messages import EgoMotion, PoseFix, RadarScan
 from echogrid.core.radar.scan import NO_FIELD, Frames, known_row
 
 Reader = RadarReader | MotionReader | PoseReader
@@ -31,13 +31,17 @@ NOBODY = (-1, 0, 0, -1, 0)  # a frame of no radar, as `assemble` has it
 SAYS_NOTHING = (-1, -1, -1, *NO_FIELD, *NO_FIELD)
 
 
+# What a frame says by itself: who reads it, by the row in Table.others; when it came; whether it is wrong; of ego motion the speeds of the
+# rear wheels and the yaw rate, NaN where not said, and counter and direction of travel.
+Said = tuple[int, int, bool, list[float], list[int]]
+
+
 class Intake(msgspec.Struct, frozen=True, eq=False):
     """A batch and what is known of its frames (N,) before their times are."""
 
     frames: Frames
-    values: Floats  # (N, 3) of ego motion: speeds of the rear wheels, yaw rate; NaN where not said
-    counted: Integers  # (N, 2) of ego motion: counter, direction of travel
-    others: list[int]  # the frames that no radar sent, but somebody reads
+    others: list[int]  # the frames (M,) that no radar sent, but somebody reads
+    said: list[Said]  # (M,) by them
 
 
 class Table:
@@ -96,4 +100,6 @@ class Table:
             places = np.flatnonzero((roles == row) & (batch.sizes >= length))
             values[places] = reader.values(frame_id, batch.data[batch.begins[places, None] + np.arange(length)])
         frames = Frames(received_ns, roles, sorts, wrong, batch.sizes, batch.begins, batch.data)
-        return Intake(frames, values, counted, (sorts & OTHER).nonzero()[0].tolist())
+        others = (sorts & OTHER).nonzero()[0]
+        said = (column[others].tolist() for column in (roles, received_ns, wrong, values, counted))
+        return Intake(frames, others.tolist(), list(zip(*said, strict=True)))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from echogrid.core.messages import EgoMotion, Speed, YawRate
 from echogrid.core.motion.error_filter import ErrorFilter
-from echogrid.core.motion.se2 import IDENTITY, SE2, arc
+from echogrid.core.motion.se2 import IDENTITY, SE2
 from echogrid.core.motion.standstill import Standstill
 
 NS = 1e-9
@@ -137,4 +137,4 @@ class Odometry:
 
 def _ahead(before: EgoState, speed: float, yaw_rate: float, step_ns: int) -> SE2:
     """`odom_from_base` after `step_ns` of this motion: an exact arc."""
-    return before.odom_from_base @ arc(speed * step_ns * NS, yaw_rate * step_ns * NS)
+    return before.odom_from_base.ahead(speed * step_ns * NS, yaw_rate * step_ns * NS)

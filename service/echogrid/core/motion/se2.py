@@ -25,6 +25,13 @@ class SE2(NamedTuple):
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return SE2(self.x + c * other.x - s * other.y, self.y + s * other.x + c * other.y, self.yaw + other.yaw)
 
+    def ahead(self, distance: float, turn: float) -> SE2:
+        """`self @ arc(distance, turn)`, which is asked for most often."""
+        x, y, yaw = self
+        along, aside, turn = arc(distance, turn)
+        c, s = math.cos(yaw), math.sin(yaw)
+        return SE2(x + c * along - s * aside, y + s * along + c * aside, yaw + turn)
+
     def inverse(self) -> SE2:
         """`b_from_a`."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
