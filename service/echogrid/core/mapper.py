@@ -13,6 +13,7 @@ from echogrid.core.evidence.beams import Beams
 from echogrid.core.evidence.history import Detections, History, Looks, Surroundings
 from echogrid.core.evidence.raster import GridSpec, Image
 from echogrid.core.health import Health
+from echogrid.core.kernels.sweeps import GateVerdict
 from echogrid.core.map.tiled_map import Shelf, TiledMap, View
 from echogrid.core.messages import EgoMotion, Floats, PoseFix, RadarScan
 from echogrid.core.motion.error_filter import Certainty, ErrorFilter
@@ -24,7 +25,7 @@ from echogrid.core.radar.gathering import Gathering
 from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
 from echogrid.core.radar.seen_again import SeenAgain
-from echogrid.core.radar.static_gate import GateNoise, beside_movers
+from echogrid.core.radar.static_gate import GateNoise, gated
 from echogrid.core.radar.sweep import Sweep
 from echogrid.core.trust.motion_watch import Verdict
 from echogrid.core.trust.watch import Watch
@@ -37,34 +38,39 @@ Infer = Callable[[Surroundings], Image]  # what one update says about the cells 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Judged:
-    """All detections of the trusted radars in one cycle, in the order of the scans, and what the gate said of each: worked out where
-    somebody asks."""
+    """All detections of the trusted radars in one cycle that are near enough, in the order of the scans, and what the gate said of each:
+    picked out of all (N,) where somebody asks."""
 
-    points: Floats  # (N, 2) m, base frame
+    all_points: Floats  # (N, 2) m, base frame
     scan: NDArray[np.int64]  # (N,) number of the scan
     numbers: Sequence[int]  # (S,) of the scans' radars in the configuration
-    standing: NDArray[np.bool_]  # (N,) by its range rate
-    beside: NDArray[np.bool_]  # (N,) lies beside some that move
+    all_verdicts: NDArray[np.uint8]  # (N,) UNASKED for those that are too far
 
-    STATIC: ClassVar[int] = 0  # went into the map
-    MOVING: ClassVar[int] = 1  # by its range rate
-    BESIDE: ClassVar[int] = 2  # seems to stand, but lies beside some that move: dropped with them
+    STATIC: ClassVar[int] = int(GateVerdict.STATIC)  # went into the map
+    MOVING: ClassVar[int] = int(GateVerdict.MOVING)  # by its range rate
+    BESIDE: ClassVar[int] = int(GateVerdict.BESIDE)  # seems to stand, but lies beside some that move: dropped with them
+
+    @property
+    def points(self) -> Floats:
+        """(K, 2) m, base frame."""
+        return self.all_points[self._asked]
 
     @property
     def radars(self) -> NDArray[np.uint8]:
-        """(N,) number of the radar in the configuration."""
-        return np.array(self.numbers, np.uint8).take(self.scan)
+        """(K,) number of the radar in the configuration."""
+        return np.array(self.numbers, np.uint8).take(self.scan[self._asked])
 
     @property
     def verdicts(self) -> NDArray[np.uint8]:
-        """(N,) STATIC, MOVING or BESIDE."""
-        found: NDArray[np.uint8] = np.full(len(self.points), Judged.STATIC, np.uint8)
-        found[self.beside] = Judged.BESIDE
-        found[~self.standing] = Judged.MOVING
-        return found
+        """(K,) STATIC, MOVING or BESIDE."""
+        return self.all_verdicts[self._asked]
+
+    @property
+    def _asked(self) -> NDArray[np.bool_]:
+        return np.asarray(self.all_verdicts != GateVerdict.UNASKED)
 
 
-NOTHING_JUDGED = Judged(np.zeros((0, 2)), np.zeros(0, np.int64), (), np.zeros(0, np.bool_), np.zeros(0, np.bool_))
+NOTHING_JUDGED = Judged(np.zeros((0, 2)), np.zeros(0, np.int64), (), np.zeros(0, np.uint8))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -209,15 +215,15 @@ class Mapper:
         self.again.add(sweep, self.odometry.errors, self.noise)
         looks = self._looks(sweep.placed, ego)
         found = _detections(sweep, looks)
-        near = found.chosen(sweep.near)
-        standing, beside = self._gate(near)
-        static = near.chosen(standing & ~beside)
+        asked = np.stack((sweep.near, sweep.range <= self.map.reach))  # near enough to be shown, and for the map to reach
+        verdicts, (near, reached) = gated(found.points, sweep.sigmas, asked, self.noise)
+        static = found.chosen(near)
         self.health.cycles += 1
         self.health.static_detections += len(static)
         view = self._view(sweep.placed, ego.stamp_ns)
         takes = self.map.takes(ego.odom_from_base)
         if self.map.reach:
-            self.map.measure(self._beams(sweep, found, ego), ego.odom_from_base, view)
+            self.map.measure(self._beams(sweep, found, reached, ego), ego.odom_from_base, view)
         if takes:
             self.history.add(static, looks, ego.odom_from_base, self.odometry.distance)
             said = self.infer(self.history.surroundings(ego.odom_from_base, self._live(ego.stamp_ns)))
@@ -226,8 +232,7 @@ class Mapper:
         self.watch.mapped_ns = max([one.scan.received_ns for one in sweep.placed])
         map_from_odom = None if self.frame is None else self.frame.map_from_odom
         numbers = [self._numbers[one.scan.sensor] for one in sweep.placed]
-        judged = Judged(near.points, sweep.scan[sweep.near], numbers, standing, beside)
-        return MapUpdate(ego, static.points, judged, map_from_odom)
+        return MapUpdate(ego, static.points, Judged(found.points, sweep.scan, numbers, verdicts), map_from_odom)
 
     def certainty(self, ego: EgoState) -> Certainty:
         """How well the car's motion is known at the newest pose."""
@@ -277,20 +282,11 @@ class Mapper:
             self.health.sensors[one.scan.sensor].distrusted += not is_trusted
         return sweep.only(trusted, self.noise) if any(trusted) else None
 
-    def _gate(self, found: Detections) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Which of them their own range rates call standing, and which lie between moving ones."""
-        standing = found.deviation <= self.noise.sigmas
-        return standing, beside_movers(found.points, ~standing, self.noise)
-
-    def _beams(self, sweep: Sweep, found: Detections, now: EgoState) -> Beams:
-        """Their static detections as far as the map reaches, which may be farther than a network is shown."""
-        far = sweep.range <= self.map.reach
-        reached, scan = found.chosen(far), sweep.scan[far]
-        standing, beside = self._gate(reached)
-        static = standing & ~beside
-        kept = reached.chosen(static).moved(now.odom_from_base)
+    def _beams(self, sweep: Sweep, found: Detections, static: NDArray[np.int64], now: EgoState) -> Beams:
+        """The static detections as far as the map reaches, which may be farther than a network is shown."""
+        kept = found.chosen(static).moved(now.odom_from_base)
         bits = np.array([1 << self._numbers[one.scan.sensor] for one in sweep.placed], np.uint16)
-        return Beams(kept.points, kept.origins, bits.take(scan[static]))
+        return Beams(kept.points, kept.origins, bits.take(sweep.scan.take(static)))
 
     def _looks(self, placed: Sequence[PlacedScan], now: EgoState) -> Looks:
         """From where the scans were measured, in base at `now`."""

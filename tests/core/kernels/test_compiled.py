@@ -227,6 +227,38 @@ def beside(random: Random, size: int) -> list[Any]:
     return [points(random, size, 5, 1.0), random.random(size) < 0.3, 2.0, np.ones(size, np.bool_)]  # many are 2 m apart
 
 
+def gathered(random: Random, size: int) -> list[Any]:
+    of_each = np.asarray(sizes(random, size)).tolist()
+    columns = [[random.normal(0, 9, count) for count in of_each] for _ in range(4)]
+    mounts = random.uniform(-3, 9, (len(of_each), 2))
+    return [*columns, mounts, np.ones((5, size)), np.ones(size, np.int64), np.ones(size, np.bool_)]
+
+
+def agreeing(random: Random, size: int) -> list[Any]:
+    of_each, sigmas = sizes(random, size), np.abs(random.normal(0, 3, size)).round()
+    return [of_each, random.random(size) < 0.8, sigmas, 3.0, np.ones((2, len(of_each)), np.int64)]
+
+
+def gated(random: Random, size: int) -> list[Any]:
+    """Now and then both times the same are asked for."""
+    asked = random.random((2, size)) < 0.7
+    asked[1] = asked[1] if random.random() < 0.7 else asked[0]
+    sigmas = np.where(random.random(size) < 0.05, np.nan, np.abs(random.normal(0, 3, size)).round())
+    return [points(random, size, 5, 1.0), sigmas, asked, 3.0, 2.0, np.ones(size, np.uint8), np.zeros((2, size), np.int64), np.ones(2, np.int64)]
+
+
+def possible(random: Random, size: int) -> list[Any]:
+    return [random.normal(0, 1, size).round(1), random.normal(0, 40, size).round(-1), 1.3, 70.0, np.ones(1, np.int64)]
+
+
+def nearby(random: Random, size: int) -> list[Any]:
+    """Many are 2 m apart."""
+    count = size // 2
+    mine, older = points(random, size, 5, 1.0), points(random, count, 5, 1.0)
+    radars, of = random.integers(0, 3, size), random.integers(0, 3, count)
+    return [mine, random.choice([1.0, 2.0], size), radars, older, of, np.zeros((2, size * count), np.int64), np.ones(1, np.int64)]
+
+
 def common_motion(random: Random, size: int) -> list[Any]:
     """Most rates fit one motion; now and then all are in one direction, where no guess can be made."""
     sizes, bearing = np.array((size // 3, size - size // 3)), random.uniform(-3, 3, size) * random.choice([0.0, 1.0])
@@ -285,6 +317,7 @@ CASES: dict[str, Callable[[Random, int], list[Any]]] = {
             look,
         ),
         *(add_measured, usual, fold, odds, beside, common_motion, signals, quantities, read_out, percent, differing),
+        *(gathered, agreeing, gated, possible, nearby),
     )
 }
 

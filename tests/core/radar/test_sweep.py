@@ -47,7 +47,7 @@ def test_a_sweep_has_of_each_scan_what_it_has_alone() -> None:
         assert (sweep.rcs[some] == scan.rcs).all()
         assert (sweep.stands(3.0)[some] == ((alone <= 3.0) & (scan.range <= 20.0))).all()
     assert sweep.scan.tolist() == [0] * 7 + [2] * 12
-    assert sweep.counted(sweep.near) == [np.count_nonzero(one.scan.range <= 20.0) for one in placed]
+    assert sweep.agreeing(3.0)[0] == [np.count_nonzero(one.scan.range <= 20.0) for one in placed]
 
 
 def test_of_some_of_its_scans() -> None:

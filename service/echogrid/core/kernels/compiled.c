@@ -13,7 +13,7 @@
 #include <string.h>
 
 #define MOST 24
-#define MOST_LISTS 3
+#define MOST_LISTS 4
 #define SIDE 128 /* cells along a tile's side */
 #define LITTLE (__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__)
 
@@ -1012,103 +1012,7 @@ KERNEL(differing) {
     return done(&given);
 }
 
-KERNEL(beside) {
-    TAKE("d2B1xB1!");
-    Py_ssize_t size = LENGTH(0, 0), movers = 0;
-    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(2, 0) == size)) return NULL;
-    const uint8_t *moving = ARRAY(1)->buf;
-    uint8_t *out = ARRAY(2)->buf;
-    double square = given.number[0] * given.number[0], *of = malloc((2 * size + 1) * sizeof *of);
-    if (of == NULL) {
-        drop(&given);
-        return PyErr_NoMemory();
-    }
-    for (Py_ssize_t n = 0; n < size; n++)
-        if (moving[n]) {
-            of[2 * movers] = ROW(double, 0, n)[0];
-            of[2 * movers++ + 1] = ROW(double, 0, n)[1];
-        }
-    for (Py_ssize_t n = 0; n < size; n++) {
-        const double *point = ROW(double, 0, n);
-        int near = 0;
-        for (Py_ssize_t m = 0; m < movers; m++) {
-            double dx = point[0] - of[2 * m], dy = point[1] - of[2 * m + 1];
-            near += dx * dx + dy * dy < square;
-        }
-        out[n] = near >= 2;
-    }
-    free(of);
-    return done(&given);
-}
-
-/* What a motion leaves of a range rate, modulo the ambiguity interval where there is one. */
-static inline double left_of(double rate, const double *slope, double interval, double speed, double yaw_rate) {
-    double left = rate - (speed * slope[0] + yaw_rate * slope[1]);
-    return interval > 0 ? left - interval * rint(left / interval) : left;
-}
-
-KERNEL(common_motion) {
-    TAKE("d1d1d1l1d2l1l1xxd1!B1!");
-    Py_ssize_t size = LENGTH(0, 0), scans = LENGTH(3, 0), pairs = LENGTH(5, 0);
-    const int64_t *sizes = ARRAY(3)->buf, *one = ARRAY(5)->buf, *other = ARRAY(6)->buf;
-    int fits = LENGTH(1, 0) == size && LENGTH(2, 0) == size && sizes_fit(&given, 3, scans, size) && LENGTH(4, 0) == scans && LENGTH(4, 1) == 3 && LENGTH(6, 0) == pairs &&
-               LENGTH(7, 0) == 3 && LENGTH(8, 0) == size;
-    for (Py_ssize_t g = 0; fits && g < pairs; g++) fits = one[g] >= 0 && one[g] < size && other[g] >= 0 && other[g] < size;
-    if (!sized(&given, fits)) return NULL;
-    const double *cos = ARRAY(0)->buf, *sin = ARRAY(1)->buf, *rate = ARRAY(2)->buf;
-    double apart = given.number[0], tolerance = given.number[1], *out = ARRAY(7)->buf, *slope = malloc((3 * size + 1) * sizeof *slope);
-    uint8_t *explained = ARRAY(8)->buf;
-    if (slope == NULL) {
-        drop(&given);
-        return PyErr_NoMemory();
-    }
-    double *interval = slope + 2 * size;
-    for (Py_ssize_t s = 0, n = 0; s < scans; s++) {
-        const double *place = ROW(double, 4, s);
-        for (int64_t k = 0; k < sizes[s]; k++, n++) {
-            slope[2 * n] = -cos[n];
-            slope[2 * n + 1] = place[1] * cos[n] - place[0] * sin[n];
-            interval[n] = place[2];
-        }
-    }
-    int64_t most = -1;
-    double speed = 0, yaw_rate = 0;
-    for (Py_ssize_t g = 0; g < pairs; g++) {
-        const double *ab = slope + 2 * one[g], *cd = slope + 2 * other[g], p = rate[one[g]], q = rate[other[g]];
-        double determinant = ab[0] * cd[1] - ab[1] * cd[0];
-        if (!(fabs(determinant) > apart)) continue;
-        double guess = (p * cd[1] - ab[1] * q) / determinant, turn = (ab[0] * q - p * cd[0]) / determinant;
-        int64_t count = 0;
-        for (Py_ssize_t n = 0; n < size; n++) count += fabs(left_of(rate[n], slope + 2 * n, interval[n], guess, turn)) < tolerance;
-        if (count > most) {
-            most = count;
-            speed = guess;
-            yaw_rate = turn;
-        }
-    }
-    out[2] = most >= 0;
-    double xx = 0, xy = 0, yy = 0, xr = 0, yr = 0;
-    for (Py_ssize_t n = 0; most >= 0 && n < size; n++) {
-        double x = slope[2 * n], y = slope[2 * n + 1], left = left_of(rate[n], slope + 2 * n, interval[n], speed, yaw_rate);
-        if (!(fabs(left) < tolerance)) continue;
-        xx += x * x;
-        xy += x * y;
-        yy += y * y;
-        xr += x * left;
-        yr += y * left;
-    }
-    if (most >= 0) {
-        speed += (xr * yy - xy * yr) / (xx * yy - xy * xy);
-        yaw_rate += (xx * yr - xr * xy) / (xx * yy - xy * xy);
-    }
-    out[0] = speed;
-    out[1] = yaw_rate;
-    for (Py_ssize_t n = 0; n < size; n++)
-        explained[n] = most >= 0 && fabs(left_of(rate[n], slope + 2 * n, interval[n], speed, yaw_rate)) < tolerance;
-    free(slope);
-    return done(&given);
-}
-
+#include "sweeps.h"
 #include "tiles.h"
 #include "lines.h"
 #include "intake.h"
@@ -1120,6 +1024,7 @@ static PyMethodDef methods[] = {
     ENTRY(note_views), ENTRY(add_looks), ENTRY(elfes),    ENTRY(look),        ENTRY(add_measured), ENTRY(usual),
     ENTRY(signals),   ENTRY(quantities), ENTRY(fold), ENTRY(odds), ENTRY(beside), ENTRY(common_motion),
     ENTRY(read_out),  ENTRY(percent), ENTRY(differing),
+    ENTRY(gathered), ENTRY(agreeing), ENTRY(gated), ENTRY(possible), ENTRY(nearby),
     ENTRY(candump_lines), ENTRY(asc_lines), ENTRY(trc_lines), ENTRY(csv_lines), ENTRY(blf_objects), ENTRY(assemble), ENTRY(identify), ENTRY(can_frames),
     {NULL, NULL, 0, NULL},
 };

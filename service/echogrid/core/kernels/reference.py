@@ -34,7 +34,6 @@ from echogrid.core.kernels.cells import (
 )
 from echogrid.core.kernels.frames import quantities as quantities
 from echogrid.core.kernels.frames import signals as signals
-from echogrid.core.kernels.guessing import common_motion as common_motion
 from echogrid.core.kernels.identify import identify as identify
 from echogrid.core.kernels.lines import asc_lines as asc_lines
 from echogrid.core.kernels.lines import blf_objects as blf_objects
@@ -45,6 +44,13 @@ from echogrid.core.kernels.reading import differing as differing
 from echogrid.core.kernels.reading import percent as percent
 from echogrid.core.kernels.reading import read_out as read_out
 from echogrid.core.kernels.scans import assemble as assemble
+from echogrid.core.kernels.sweeps import agreeing as agreeing
+from echogrid.core.kernels.sweeps import beside as beside
+from echogrid.core.kernels.sweeps import common_motion as common_motion
+from echogrid.core.kernels.sweeps import gated as gated
+from echogrid.core.kernels.sweeps import gathered as gathered
+from echogrid.core.kernels.sweeps import nearby as nearby
+from echogrid.core.kernels.sweeps import possible as possible
 from echogrid.core.kernels.tiles import add_clamped as add_clamped
 from echogrid.core.kernels.tiles import add_looks as add_looks
 from echogrid.core.kernels.tiles import add_measured as add_measured
@@ -273,9 +279,3 @@ def usual(
         left[:] = (known[0] > stayed) & (recent[1] < leaves)
         known[:, left] = 0.0
         arrived[:] = near[0] & (recent[0] > arrives) & (known[1] < before * recent[0])
-
-
-def beside(points: Floats, moving: Mask, radius: float, out: Mask) -> None:
-    """(N,) which of the points have at least two `moving` ones less than `radius` m away."""
-    away = points[:, None, :] - points[moving][None, :, :]
-    out[:] = ((away * away).sum(axis=2) < radius * radius).sum(axis=1) >= 2

@@ -37,7 +37,7 @@ def doppler_motion(sweep: Sweep) -> DopplerMotion | None:
     sizes, rate, (cos, sin) = sweep.sizes, sweep.range_rate, sweep.bearing
     if not sweep.near.all():
         near = np.flatnonzero(sweep.near)
-        sizes, rate, cos, sin = np.array(sweep.counted(sweep.near)), rate.take(near), cos.take(near), sin.take(near)
+        sizes, rate, cos, sin = np.array(sweep.agreeing(0.0)[0]), rate.take(near), cos.take(near), sin.take(near)
     if len(rate) < LEAST:
         return None
     sensors = [(one.mount.base_from_sensor, one.scan.ambiguity) for one in sweep.placed]

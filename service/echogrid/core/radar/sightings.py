@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.core.kernels.dispatch import loops
 from echogrid.core.messages import Floats
 from echogrid.core.radar.static_gate import GateNoise, beside_movers
 from echogrid.core.radar.sweep import Sweep
@@ -98,13 +99,14 @@ def pairs(looks: Sequence[Look], new: int) -> Pairs:
     ends = np.concatenate(([0], np.cumsum(sizes)))
     places, arms, cars, radars = (np.concatenate([getattr(one, name) for one in looks]) for name in ("places", "arms", "cars", "radars"))
     reach = APART + 2.0 * AZIMUTH_NOISE * np.abs(arms)
-    stamps = [one.stamp_ns for one in looks]
-    found = [np.zeros((2, 0), np.int64)]
+    stamps, points = [one.stamp_ns for one in looks], places.view(np.float64).reshape(-1, 2)
+    found, count = [np.zeros((2, 0), np.int64)], np.empty(1, np.int64)
     for n in range(len(looks) - new, len(looks)):
         first, last = np.searchsorted(stamps, (stamps[n] - LATEST_NS, stamps[n] - SOONEST_NS + 1)).tolist()
         mine, old = slice(ends[n], ends[n + 1]), slice(ends[first], ends[last])
-        near = (np.abs(places[mine, None] - places[old]) < reach[mine, None]) & (radars[mine, None] == radars[old])
-        found.append(np.stack(np.nonzero(near)) + np.array(((ends[n],), (ends[first],))))
+        near = np.empty((2, sizes[n] * (ends[last] - ends[first])), np.int64)
+        loops.nearby(points[mine], reach[mine], radars[mine], points[old], radars[old], near, count)
+        found.append(near[:, : int(count[0])] + np.array(((ends[n],), (ends[first],))))
     i, j = np.concatenate(found, axis=1)
     sums, moments = (np.concatenate([getattr(one.turned, name) for one in looks]) for name in ("sums", "moments"))
     covariances = np.concatenate([one.covariances for one in looks], axis=1)

@@ -77,6 +77,14 @@ def gate_row(mount: Mount, speed: float, yaw_rate: float, ambiguity: float, nois
     return speed - yaw_rate * place.y, yaw_rate * place.x, ambiguity, math.hypot(place.x, place.y) * noise.yaw_rate
 
 
+def gated(points: Floats, sigmas: Floats, asked: NDArray[np.bool_], noise: GateNoise) -> tuple[NDArray[np.uint8], list[NDArray[np.int64]]]:
+    """Of detections at points (N, 2) m, so many sigmas (N,) off a standing thing, those that are `asked`, (2, N) for two ways of asking: the
+    verdict (N,) by the first, `kernels.sweeps.GateVerdict`, and by each which ones stand."""
+    verdicts, static, found = np.empty(len(points), np.uint8), np.empty((2, len(points)), np.int64), np.empty(2, np.int64)
+    loops.gated(points, sigmas, asked, noise.sigmas, noise.mover_radius, verdicts, static, found)
+    return verdicts, [row[:count] for row, count in zip(static, found.tolist(), strict=True)]
+
+
 def beside_movers(points: Floats, moving: NDArray[np.bool_], noise: GateNoise) -> NDArray[np.bool_]:
     """(N,) True for detections with at least two moving ones within `noise.mover_radius`. points: (N, 2) m, of one cycle.
 

@@ -36,17 +36,24 @@ class Sweep:
     def of(placed: Sequence[PlacedScan], noise: GateNoise) -> Sweep:
         """At least one scan."""
         scans = [one.scan for one in placed]
-        sizes = np.array([len(scan) for scan in scans])
-        scan = np.repeat(np.arange(len(scans)), sizes)
-        columns = [(one.range, one.azimuth, one.range_rate, one.rcs) for one in scans]
-        ranges, azimuth, rate, rcs = (np.concatenate(column) for column in zip(*columns, strict=True))
-        yaw, reach = np.array([(one.mount.base_from_sensor.yaw, one.mount.max_range) for one in placed]).T.take(scan, axis=1)
-        bearing = azimuth + yaw
-        cos, sin = np.cos(bearing), np.sin(bearing)
+        sizes = [len(scan) for scan in scans]
+        count, counts = sum(sizes), np.array(sizes)
+        columns, scan, near, sigmas = np.empty((5, count)), np.empty(count, np.int64), np.empty(count, np.bool_), np.empty(count)
+        loops.gathered(
+            [one.range for one in scans],
+            [one.azimuth for one in scans],
+            [one.range_rate for one in scans],
+            [one.rcs for one in scans],
+            np.array([(one.mount.base_from_sensor.yaw, one.mount.max_range) for one in placed]),
+            columns,
+            scan,
+            near,
+        )
+        _, _, ranges, rate, rcs = columns
+        (cos, cos_base), (sin, sin_base) = np.cos(columns[:2]), np.sin(columns[:2])
         rows = np.array([gate_row(one.mount, one.ego.speed, one.ego.yaw_rate, one.scan.ambiguity, noise) for one in placed])
-        sigmas = np.empty(len(rate))
-        loops.deviations(cos, sin, rate, sizes, rows, noise.range_rate, noise.azimuth, noise.speed, sigmas)
-        return Sweep(placed, sizes, scan, ranges, (np.cos(azimuth), np.sin(azimuth)), (cos, sin), rate, rcs, sigmas, ranges <= reach)
+        loops.deviations(cos_base, sin_base, rate, counts, rows, noise.range_rate, noise.azimuth, noise.speed, sigmas)
+        return Sweep(placed, counts, scan, ranges, (cos, sin), (cos_base, sin_base), rate, rcs, sigmas, near)
 
     def only(self, which: Sequence[bool], noise: GateNoise) -> Sweep:
         """Of some of the scans, at least one."""
@@ -66,10 +73,12 @@ class Sweep:
         """(N,) what is near, and at most so many sigmas off a standing thing."""
         return (self.sigmas <= sigmas) & self.near
 
-    def counted(self, which: NDArray[np.bool_]) -> list[int]:
-        """(S,) how many of a mask (N,) are each scan's."""
-        found: list[int] = np.bincount(self.scan[which], minlength=len(self.placed)).tolist()
-        return found
+    def agreeing(self, sigmas: float) -> tuple[list[int], list[int]]:
+        """(S,) each: how many of a scan's detections are near, and how many of them at most so many sigmas off a standing thing."""
+        found = np.empty((2, len(self.placed)), np.int64)
+        loops.agreeing(self.sizes, self.near, self.sigmas, sigmas, found)
+        near, standing = found.tolist()
+        return near, standing
 
     def points(self, sensors: Iterable[tuple[float, float, float]]) -> Floats:
         """(N, 2) m, in the frame in which the scans' sensors (S) are at x, y (m) and yaw (rad)."""

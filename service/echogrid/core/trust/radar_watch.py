@@ -8,6 +8,7 @@ from operator import attrgetter
 import numpy as np
 
 from echogrid.core.health import SensorHealth
+from echogrid.core.kernels.dispatch import loops
 from echogrid.core.messages import RadarScan
 from echogrid.core.radar.mount import Mount
 
@@ -163,8 +164,9 @@ class RadarWatch:
     def _possible(self, scan: RadarScan) -> int:
         """How many detections can be true at all; asked twice of each scan."""
         if scan is not self._asked_of:
-            inside = np.abs(scan.azimuth) <= self.mount.half_fov + BEYOND_VIEW
-            self._asked_of, self._answer = scan, int(np.count_nonzero(inside & (np.abs(scan.range_rate) <= FASTEST_RATE)))
+            found = np.empty(1, np.int64)
+            loops.possible(scan.azimuth, scan.range_rate, self.mount.half_fov + BEYOND_VIEW, FASTEST_RATE, found)
+            self._asked_of, self._answer = scan, int(found[0])
         return self._answer
 
     def _is_frozen(self, scan: RadarScan, speed: float) -> bool:

@@ -67,7 +67,7 @@ class Watch:
             self.radars[one.scan.sensor].look(one.scan, one.ego.speed)
         step = 0.0 if self._judged_ns is None else min(max((newest.stamp_ns - self._judged_ns) * NS, 0.0), LONGEST_STEP)
         self._judged_ns = newest.stamp_ns
-        asked, standing = sweep.counted(sweep.near), sweep.counted(sweep.stands(self.noise.sigmas))
+        asked, standing = sweep.agreeing(self.noise.sigmas)
         are_trusted = [not self.radars[one.scan.sensor].doubts for one in sweep.placed]
         are_trusted = are_trusted if any(are_trusted) else [True] * len(are_trusted)
         support = sum(compress(standing, are_trusted)) / max(sum(compress(asked, are_trusted)), 1)

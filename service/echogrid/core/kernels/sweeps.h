@@ -1,0 +1,226 @@
+/* The detections of a cycle: as the functions of the same names in sweeps.py. */
+enum { STANDS, MOVES, BESIDE, UNASKED };
+
+/* Of points, `count` of them at `some`, so many of which move: marks those that at least two of these lie close to. */
+static void mark_beside(const Given *given, int points, const double *movers, Py_ssize_t moving, double radius, Py_ssize_t size, const uint8_t *asked,
+                        uint8_t mark, uint8_t other, uint8_t *out) {
+    double square = radius * radius;
+    for (Py_ssize_t n = 0; n < size; n++) {
+        if (asked && !asked[n]) continue;
+        const double *point = (const double *)((const char *)given->array[points].buf + n * given->array[points].strides[0]);
+        int near = 0;
+        for (Py_ssize_t m = 0; m < moving; m++) {
+            double dx = point[0] - movers[2 * m], dy = point[1] - movers[2 * m + 1];
+            near += dx * dx + dy * dy < square;
+        }
+        out[n] = near >= 2 ? mark : other;
+    }
+}
+
+KERNEL(beside) {
+    TAKE("d2B1xB1!");
+    Py_ssize_t size = LENGTH(0, 0), movers = 0;
+    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(2, 0) == size)) return NULL;
+    const uint8_t *moving = ARRAY(1)->buf;
+    double *of = malloc((2 * size + 1) * sizeof *of);
+    if (of == NULL) {
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    for (Py_ssize_t n = 0; n < size; n++)
+        if (moving[n]) memcpy(of + 2 * movers++, ROW(double, 0, n), 2 * sizeof *of);
+    mark_beside(&given, 0, of, movers, given.number[0], size, NULL, 1, 0, ARRAY(2)->buf);
+    free(of);
+    return done(&given);
+}
+
+KERNEL(gathered) {
+    TAKE("*d1*d1*d1*d1d2d2!l1!B1!");
+    Py_ssize_t scans = LENGTH(0, 0), size = LENGTH(2, 0), n = 0;
+    int fits = LENGTH(0, 1) == 2 && LENGTH(1, 0) == 5 && LENGTH(1, 1) == size && LENGTH(3, 0) == size;
+    for (int q = 0; q < 4; q++) fits &= given.list[q].count == scans;
+    for (Py_ssize_t s = 0; fits && s < scans; s++) {
+        Py_ssize_t some = given.list[0].array[s].shape[0];
+        for (int q = 1; q < 4; q++) fits &= given.list[q].array[s].shape[0] == some;
+        n += some;
+    }
+    if (!sized(&given, fits && n == size)) return NULL;
+    double *azimuth = ROW(double, 1, 0), *bearing = ROW(double, 1, 1), *range = ROW(double, 1, 2), *rate = ROW(double, 1, 3), *rcs = ROW(double, 1, 4);
+    int64_t *scan = ARRAY(2)->buf;
+    uint8_t *near = ARRAY(3)->buf;
+    n = 0;
+    for (Py_ssize_t s = 0; s < scans; s++) {
+        const double *of[4], *mount = ROW(double, 0, s);
+        for (int q = 0; q < 4; q++) of[q] = given.list[q].array[s].buf;
+        for (Py_ssize_t k = 0; k < given.list[0].array[s].shape[0]; k++, n++) {
+            range[n] = of[0][k];
+            azimuth[n] = of[1][k];
+            rate[n] = of[2][k];
+            rcs[n] = of[3][k];
+            bearing[n] = azimuth[n] + mount[0];
+            near[n] = range[n] <= mount[1];
+            scan[n] = s;
+        }
+    }
+    return done(&given);
+}
+
+KERNEL(agreeing) {
+    TAKE("l1B1d1xl2!");
+    Py_ssize_t scans = LENGTH(0, 0), size = LENGTH(1, 0);
+    if (!sized(&given, LENGTH(2, 0) == size && LENGTH(3, 0) == 2 && LENGTH(3, 1) == scans && sizes_fit(&given, 0, scans, size))) return NULL;
+    const int64_t *sizes = ARRAY(0)->buf;
+    const uint8_t *near = ARRAY(1)->buf;
+    const double *sigmas = ARRAY(2)->buf;
+    int64_t *asked = ROW(int64_t, 3, 0), *standing = ROW(int64_t, 3, 1);
+    for (Py_ssize_t s = 0, n = 0; s < scans; s++) {
+        asked[s] = standing[s] = 0;
+        for (Py_ssize_t end = n + sizes[s]; n < end; n++) {
+            asked[s] += near[n] != 0;
+            standing[s] += near[n] && sigmas[n] <= given.number[0];
+        }
+    }
+    return done(&given);
+}
+
+KERNEL(gated) {
+    TAKE("d2d1B2xxB1!l2!l1!");
+    Py_ssize_t size = LENGTH(0, 0);
+    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(2, 0) == 2 && LENGTH(2, 1) == size && LENGTH(3, 0) == size &&
+                           LENGTH(4, 0) == 2 && LENGTH(4, 1) == size && LENGTH(5, 0) == 2))
+        return NULL;
+    const double *sigmas = ARRAY(1)->buf, limit = given.number[0];
+    uint8_t *verdicts = ARRAY(3)->buf;
+    int64_t *found = ARRAY(5)->buf;
+    double *movers = malloc((2 * size + 1) * sizeof *movers);
+    if (movers == NULL) {
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    int alike = !memcmp(ROW(uint8_t, 2, 0), ROW(uint8_t, 2, 1), size);
+    for (int turn = alike ? 0 : 1; turn >= 0; turn--) {
+        const uint8_t *asked = ROW(uint8_t, 2, turn);
+        int64_t *standing = ROW(int64_t, 4, turn);
+        Py_ssize_t moving = 0;
+        for (Py_ssize_t n = 0; n < size; n++)
+            if (asked[n] && !(sigmas[n] <= limit)) memcpy(movers + 2 * moving++, ROW(double, 0, n), 2 * sizeof *movers);
+        for (Py_ssize_t n = 0; n < size; n++) verdicts[n] = UNASKED;
+        mark_beside(&given, 0, movers, moving, given.number[1], size, asked, BESIDE, STANDS, verdicts);
+        found[turn] = 0;
+        for (Py_ssize_t n = 0; n < size; n++) {
+            if (asked[n] && !(sigmas[n] <= limit)) verdicts[n] = MOVES;
+            if (verdicts[n] == STANDS) standing[found[turn]++] = n;
+        }
+    }
+    if (alike) {
+        memcpy(ROW(int64_t, 4, 1), ROW(int64_t, 4, 0), found[0] * sizeof *found);
+        found[1] = found[0];
+    }
+    free(movers);
+    return done(&given);
+}
+
+KERNEL(possible) {
+    TAKE("d1d1xxl1!");
+    Py_ssize_t size = LENGTH(0, 0);
+    if (!sized(&given, LENGTH(1, 0) == size && LENGTH(2, 0) == 1)) return NULL;
+    const double *azimuth = ARRAY(0)->buf, *rate = ARRAY(1)->buf;
+    int64_t found = 0;
+    for (Py_ssize_t n = 0; n < size; n++) found += fabs(azimuth[n]) <= given.number[0] && fabs(rate[n]) <= given.number[1];
+    *(int64_t *)ARRAY(2)->buf = found;
+    return done(&given);
+}
+
+KERNEL(nearby) {
+    TAKE("d2d1l1d2l1l2!l1!");
+    Py_ssize_t size = LENGTH(0, 0), others = LENGTH(3, 0), paired = 0;
+    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(3, 1) == 2 && LENGTH(4, 0) == others &&
+                           LENGTH(5, 0) == 2 && LENGTH(5, 1) >= size * others && LENGTH(6, 0) == 1))
+        return NULL;
+    const double *reach = ARRAY(1)->buf;
+    const int64_t *radars = ARRAY(2)->buf, *of = ARRAY(4)->buf;
+    int64_t *mine = ROW(int64_t, 5, 0), *its = ROW(int64_t, 5, 1);
+    for (Py_ssize_t n = 0; n < size; n++) {
+        const double *point = ROW(double, 0, n);
+        double square = reach[n] * reach[n];
+        for (Py_ssize_t m = 0; m < others; m++) {
+            if (of[m] != radars[n]) continue;
+            const double *older = ROW(double, 3, m);
+            double dx = point[0] - older[0], dy = point[1] - older[1];
+            if (!(dx * dx + dy * dy < square)) continue;
+            mine[paired] = n;
+            its[paired++] = m;
+        }
+    }
+    *(int64_t *)ARRAY(6)->buf = paired;
+    return done(&given);
+}
+
+/* What a motion leaves of a range rate, modulo the ambiguity interval where there is one. */
+static inline double left_of(double rate, const double *slope, double interval, double speed, double yaw_rate) {
+    double left = rate - (speed * slope[0] + yaw_rate * slope[1]);
+    return interval > 0 ? left - interval * rint(left / interval) : left;
+}
+
+KERNEL(common_motion) {
+    TAKE("d1d1d1l1d2l1l1xxd1!B1!");
+    Py_ssize_t size = LENGTH(0, 0), scans = LENGTH(3, 0), pairs = LENGTH(5, 0);
+    const int64_t *sizes = ARRAY(3)->buf, *one = ARRAY(5)->buf, *other = ARRAY(6)->buf;
+    int fits = LENGTH(1, 0) == size && LENGTH(2, 0) == size && sizes_fit(&given, 3, scans, size) && LENGTH(4, 0) == scans && LENGTH(4, 1) == 3 && LENGTH(6, 0) == pairs &&
+               LENGTH(7, 0) == 3 && LENGTH(8, 0) == size;
+    for (Py_ssize_t g = 0; fits && g < pairs; g++) fits = one[g] >= 0 && one[g] < size && other[g] >= 0 && other[g] < size;
+    if (!sized(&given, fits)) return NULL;
+    const double *cos = ARRAY(0)->buf, *sin = ARRAY(1)->buf, *rate = ARRAY(2)->buf;
+    double apart = given.number[0], tolerance = given.number[1], *out = ARRAY(7)->buf, *slope = malloc((3 * size + 1) * sizeof *slope);
+    uint8_t *explained = ARRAY(8)->buf;
+    if (slope == NULL) {
+        drop(&given);
+        return PyErr_NoMemory();
+    }
+    double *interval = slope + 2 * size;
+    for (Py_ssize_t s = 0, n = 0; s < scans; s++) {
+        const double *place = ROW(double, 4, s);
+        for (int64_t k = 0; k < sizes[s]; k++, n++) {
+            slope[2 * n] = -cos[n];
+            slope[2 * n + 1] = place[1] * cos[n] - place[0] * sin[n];
+            interval[n] = place[2];
+        }
+    }
+    int64_t most = -1;
+    double speed = 0, yaw_rate = 0;
+    for (Py_ssize_t g = 0; g < pairs; g++) {
+        const double *ab = slope + 2 * one[g], *cd = slope + 2 * other[g], p = rate[one[g]], q = rate[other[g]];
+        double determinant = ab[0] * cd[1] - ab[1] * cd[0];
+        if (!(fabs(determinant) > apart)) continue;
+        double guess = (p * cd[1] - ab[1] * q) / determinant, turn = (ab[0] * q - p * cd[0]) / determinant;
+        int64_t count = 0;
+        for (Py_ssize_t n = 0; n < size; n++) count += fabs(left_of(rate[n], slope + 2 * n, interval[n], guess, turn)) < tolerance;
+        if (count > most) {
+            most = count;
+            speed = guess;
+            yaw_rate = turn;
+        }
+    }
+    out[2] = most >= 0;
+    double xx = 0, xy = 0, yy = 0, xr = 0, yr = 0;
+    for (Py_ssize_t n = 0; most >= 0 && n < size; n++) {
+        double x = slope[2 * n], y = slope[2 * n + 1], left = left_of(rate[n], slope + 2 * n, interval[n], speed, yaw_rate);
+        if (!(fabs(left) < tolerance)) continue;
+        xx += x * x;
+        xy += x * y;
+        yy += y * y;
+        xr += x * left;
+        yr += y * left;
+    }
+    if (most >= 0) {
+        speed += (xr * yy - xy * yr) / (xx * yy - xy * xy);
+        yaw_rate += (xx * yr - xr * xy) / (xx * yy - xy * xy);
+    }
+    out[0] = speed;
+    out[1] = yaw_rate;
+    for (Py_ssize_t n = 0; n < size; n++)
+        explained[n] = most >= 0 && fabs(left_of(rate[n], slope + 2 * n, interval[n], speed, yaw_rate)) < tolerance;
+    free(slope);
+    return done(&given);
+}
+

@@ -1,0 +1,129 @@
+"""The reference's loops over the detections of a cycle: what stands, what moves, what is seen again, and the motion that most agree with."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+
+from echogrid.core.kernels.cells import Bytes, Floats, Integers, Mask
+
+
+class GateVerdict(IntEnum):
+    """On a detection: it stands; it moves, by its range rate; it seems to stand, but lies beside some that move; nobody asked."""
+
+    STATIC = 0
+    MOVING = 1
+    BESIDE = 2
+    UNASKED = 3
+
+
+def gathered(
+    ranges: list[Floats],
+    azimuths: list[Floats],
+    rates: list[Floats],
+    rcs: list[Floats],
+    mounts: Floats,
+    columns: Floats,
+    scan: Integers,
+    near: Mask,
+) -> None:
+    """Detections of scans (S), scan by scan: `columns` (5, N) are azimuth, bearing in base, range, range rate and RCS, `scan` (N,) is each
+    one's, and `near` (N,) within its mount's range. `mounts` (S, 2): yaw and range."""
+    sizes = [len(one) for one in ranges]
+    scan[:] = np.repeat(np.arange(len(sizes)), sizes)
+    for row, of_scans in zip((0, 2, 3, 4), (azimuths, ranges, rates, rcs), strict=True):
+        columns[row] = np.concatenate(of_scans)
+    columns[1] = columns[0] + mounts[scan, 0]
+    near[:] = columns[2] <= mounts[scan, 1]
+
+
+def agreeing(sizes: Integers, near: Mask, sigmas: Floats, limit: float, out: Integers) -> None:
+    """Of scans (S,) with so many detections: out (2, S) counts those that are near, and those of them that are at most `limit` sigmas off."""
+    scan = np.repeat(np.arange(len(sizes)), sizes)
+    for row, which in zip(out, (near, near & (sigmas <= limit)), strict=True):
+        row[:] = np.bincount(scan[which], minlength=len(sizes))
+
+
+def gated(
+    points: Floats, sigmas: Floats, asked: Mask, limit: float, radius: float, verdicts: Bytes, static: Integers, found: Integers
+) -> None:
+    """Twice: of detections (N,), those that are `asked` (2, N), by GateVerdict: what is more than `limit` sigmas off a standing thing moves, and
+    what lies within `radius` m of at least two such is beside them. `verdicts` (N,) of the first time; `static` (2, N) which ones stand,
+    `found` (2,) how many of them there are."""
+    for which, standing, count in zip(asked[::-1], static[::-1], found[::-1, None], strict=True):
+        some = np.flatnonzero(which)
+        moving, near = ~(sigmas[some] <= limit), np.empty(len(some), np.bool_)
+        beside(points[some], moving, radius, near)
+        verdicts[:] = GateVerdict.UNASKED
+        verdicts[some] = np.where(moving, GateVerdict.MOVING, np.where(near, GateVerdict.BESIDE, GateVerdict.STATIC))
+        stands = np.flatnonzero(verdicts == GateVerdict.STATIC)
+        standing[: len(stands)], count[0] = stands, len(stands)
+
+
+def beside(points: Floats, moving: Mask, radius: float, out: Mask) -> None:
+    """(N,) which of the points have at least two `moving` ones less than `radius` m away."""
+    away = points[:, None, :] - points[moving][None, :, :]
+    out[:] = ((away * away).sum(axis=2) < radius * radius).sum(axis=1) >= 2
+
+
+def possible(azimuth: Floats, rate: Floats, widest: float, fastest: float, out: Integers) -> None:
+    """Out (1,): of detections (N,), how many lie within `widest` rad of boresight and are at most as fast as `fastest`."""
+    out[0] = np.count_nonzero((np.abs(azimuth) <= widest) & (np.abs(rate) <= fastest))
+
+
+def nearby(points: Floats, reach: Floats, radars: Integers, older: Floats, of: Integers, pairs: Integers, found: Integers) -> None:
+    """Of points (N, 2) with those of the `older` (M, 2) that the same radar saw and that are less than `reach` (N,) away: `pairs` (2, N * M)
+    of their numbers, point by point, and how many, `found` (1,)."""
+    apart = points[:, None] - older
+    near = (apart[..., 0] * apart[..., 0] + apart[..., 1] * apart[..., 1] < (reach * reach)[:, None]) & (radars[:, None] == of)
+    both = np.stack(np.nonzero(near))
+    found[0] = both.shape[1]
+    pairs[:, : both.shape[1]] = both
+
+
+def common_motion(
+    cos: Floats,
+    sin: Floats,
+    rate: Floats,
+    sizes: Integers,
+    places: Floats,
+    one: Integers,
+    other: Integers,
+    apart: float,
+    tolerance: float,
+    out: Floats,
+    explained: Mask,
+) -> None:
+    """Of guesses from pairs of detections, `one` and `other` (P,), the motion that explains the most range rates (N,) to `tolerance` m/s,
+    refined by least squares over those: out (3,) is speed (m/s), yaw rate (rad/s) and whether any pair was `apart` enough, by its
+    determinant; `explained` (N,) by the refined one.
+
+    Detections by the cosine and sine (N,) of their bearing in base, scan by scan: `sizes` (S,) with places (S, 3), x and y of the sensor
+    (m) and the Doppler ambiguity interval (m/s, 0: none), modulo which rates are compared. Sums go from the first detection to the last.
+    """
+    x, y, interval = np.repeat(places, sizes, axis=0).T
+    slope = np.stack((-cos, y * cos - x * sin), axis=1)  # (N, 2) derivatives of a standing point's range rate by speed and yaw rate
+
+    def left_by(motion: Floats) -> Floats:
+        """(..., N) of the range rates, by motions (..., 2)."""
+        left = rate - (motion[..., :1] * slope[:, 0] + motion[..., 1:] * slope[:, 1])
+        known = np.where(interval > 0, interval, 1.0)
+        found: Floats = np.where(interval > 0, left - known * np.rint(left / known), left)
+        return found
+
+    (a, b), (c, d), p, q = slope[one].T, slope[other].T, rate[one], rate[other]
+    determinant = a * d - b * c
+    enough = np.abs(determinant) > apart
+    out[:], explained[:] = 0.0, False
+    if not enough.any():
+        return
+    guesses = np.stack((p * d - b * q, a * q - p * c), axis=1)[enough] / determinant[enough, None]
+    best = guesses[(np.abs(left_by(guesses)) < tolerance).sum(axis=1).argmax()]
+    left = left_by(best)
+    chosen = np.abs(left) < tolerance
+    (u, v), r = slope[chosen].T, left[chosen]
+    uu, uv, vv, ur, vr = (np.add.accumulate(terms)[-1] for terms in (u * u, u * v, v * v, u * r, v * r))
+    out[:2] = best + np.array((ur * vv - uv * vr, uu * vr - ur * uv)) / (uu * vv - uv * uv)
+    out[2] = 1.0
+    explained[:] = np.abs(left_by(out[:2])) < tolerance
