@@ -217,7 +217,7 @@ class Mapper:
         found = _detections(sweep, looks)
         asked = np.stack((sweep.near, sweep.range <= self.map.reach))  # near enough to be shown, and for the map to reach
         verdicts, (near, reached) = gated(found.points, sweep.sigmas, asked, self.noise)
-        static = found.chosen(near)
+        static = found.taken(near)
         self.health.cycles += 1
         self.health.static_detections += len(static)
         view = self._view(sweep.placed, ego.stamp_ns)
@@ -284,7 +284,7 @@ class Mapper:
 
     def _beams(self, sweep: Sweep, found: Detections, static: NDArray[np.int64], now: EgoState) -> Beams:
         """The static detections as far as the map reaches, which may be farther than a network is shown."""
-        kept = found.chosen(static).moved(now.odom_from_base)
+        kept = found.taken(static).moved(now.odom_from_base)
         bits = np.array([1 << self._numbers[one.scan.sensor] for one in sweep.placed], np.uint16)
         return Beams(kept.points, kept.origins, bits.take(sweep.scan.take(static)))
 

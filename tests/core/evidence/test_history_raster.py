@@ -39,7 +39,7 @@ def drawn(seed: int, reach: float, past: int = 60, scans: int = 9) -> Surroundin
     place = np.column_stack((rng.uniform(-3, 3, (scans, 2)), rng.uniform(-7, 7, scans)))
     looks = Looks(place, rng.uniform(0.3, 2.8, scans), rng.uniform(2.0, 9.0, scans))
     live = [name for name in MOUNTS if rng.uniform() < 0.7]
-    return Surroundings(everything.chosen(update == 27), everything, way[update - 20], update, looks, live)
+    return Surroundings(everything.taken(np.flatnonzero(update == 27)), everything, way[update - 20], update, looks, live)
 
 
 def byte(count: int) -> int:

@@ -32,7 +32,7 @@ class Detections:
     def moved(self, to_from_here: SE2) -> Detections:
         return Detections(to_from_here.apply(self.points), to_from_here.apply(self.origins), self.rcs, self.deviation)
 
-    def chosen(self, some: NDArray[np.int64]) -> Detections:
+    def taken(self, some: NDArray[np.int64]) -> Detections:
         """Those of these numbers."""
         return Detections(self.points.take(some, axis=0), self.origins.take(some, axis=0), self.rcs.take(some), self.deviation.take(some))
 
