@@ -20,6 +20,7 @@ from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
 from echogrid.core.mapper import MapUpdate
 from echogrid.live.player import on_virtual_buses, senders
+from echogrid.live.process import begin, settle
 from echogrid.live.service import Service
 from echogrid.logs.drive import find_drive
 from echogrid.logs.log import Log
@@ -49,6 +50,7 @@ def watch(endpoint: str, vehicle: str) -> None:
 
 def latency(seconds: float) -> dict[str, float]:
     """ms, of the demo drive's first seconds with its own configuration, but for WARM; beside an inference in the same run."""
+    begin()  # as `echogrid run` does
     drive = find_drive(DEMO, None)
     config = on_virtual_buses(load_config(drive.config, None))
     endpoint = f"tcp/127.0.0.1:{free_port()}"
@@ -94,6 +96,7 @@ def latency(seconds: float) -> dict[str, float]:
             service.workers.stop.set()
 
     player = threading.Thread(target=play)
+    settle()
     player.start()
     service.run()
     player.join()

@@ -18,6 +18,7 @@ import can
 from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
 from echogrid.live.player import on_virtual_buses, senders
+from echogrid.live.process import begin, settle
 from echogrid.live.service import Service, resident_mib
 from echogrid.logs.drive import find_drive
 from echogrid.logs.log import Log
@@ -61,6 +62,7 @@ def in_real_time(service: Service, log: Log, seconds: float) -> Iterator[can.Mes
 
 def live(seconds: float) -> dict[str, float]:
     """The demo drive's first seconds with its own configuration, publishing included, without a subscriber."""
+    begin()  # as `echogrid run` does
     drive = find_drive(DEMO, None)
     config = on_virtual_buses(load_config(drive.config, None))
     pipeline = Pipeline(config, drive.config)
@@ -87,6 +89,7 @@ def live(seconds: float) -> dict[str, float]:
             service.workers.stop.set()
 
     player = threading.Thread(target=play)
+    settle()
     player.start()
     service.run()
     player.join()

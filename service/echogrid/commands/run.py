@@ -9,6 +9,7 @@ from pathlib import Path
 
 from echogrid.config.loading import load_config
 from echogrid.errors import EchogridError
+from echogrid.live.process import begin, settle
 from echogrid.live.service import Service
 from echogrid.pipeline import Pipeline
 
@@ -20,6 +21,7 @@ def run(config_path: Path, model: str | None = None, record: Path | None = None,
 
     `record`: an MCAP file, or a folder, where it is named by the time of the start; `foxglove`: host and port of a live view.
     """
+    begin()
     if record is not None and record.is_dir():
         record /= time.strftime("%Y%m%dT%H%M%SZ.mcap", time.gmtime())
     service = Service(Pipeline(load_config(config_path, model), config_path), record=record, foxglove=foxglove)
@@ -37,5 +39,6 @@ def run(config_path: Path, model: str | None = None, record: Path | None = None,
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: service.workers.stop.set())
     signal.signal(signal.SIGHUP, lambda *_: reload())
+    settle()
     service.run()
     log.info("stopped after %d cycles", service.pipeline.health.cycles)

@@ -23,6 +23,7 @@ from echogrid.pipeline import Pipeline
 from echogrid.topics.announcer import Snapshot, Snapshots
 
 MOST_LAG = 1.0  # s behind the buses, beyond which the newest map is old
+ASKS = 0.05  # s: to ask all topics whether somebody takes them costs as much as a look at the bus
 LATENCIES = 512  # of the newest map updates
 
 Take = Callable[[FrameBatch, NDArray[np.int64]], Iterator[tuple[int, MapUpdate | None]]]
@@ -48,6 +49,7 @@ class Mapping:
         self._mapped_at = time.monotonic()  # when the newest frame was processed: a lag is latency, not silence
         self._lag = 0.0  # s, from that frame's receipt to then
         self._looped_at = time.monotonic()  # when the mapping loop last ran
+        self._asked_at = self._looped_at  # and when it last looked whether somebody has come
         self._latencies: deque[float] = deque(maxlen=LATENCIES)  # s, from a frame's receipt to the map update that it ended
 
     def run(self, stop: threading.Event, tap: Callable[[str, can.Message], None] | None = None) -> None:
@@ -87,8 +89,14 @@ class Mapping:
 
     def _catch_up(self, *, idle: bool) -> None:
         """Where nobody listened the newest map was not taken out: it is for who comes, and for who comes later where no newer one does."""
-        if self._snapshots.left is None or not (idle or self.listened()):
+        if self._snapshots.left is None:
             return
+        if not idle:
+            if self._looped_at - self._asked_at < ASKS:
+                return
+            self._asked_at = self._looped_at
+            if not self.listened():
+                return
         with self.lock:
             snapshot = self._snapshots.late(self.pipeline.mapper, self.settings)
         if snapshot is not None:
