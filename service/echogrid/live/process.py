@@ -8,14 +8,17 @@ import sys
 from typing import Any
 
 SWITCH = 0.0005  # s: after so long a thread gives way to one that waits; Python's own 5 ms would be longer than a map update
-M_MMAP_THRESHOLD, OF_ITS_OWN = -3, 512 << 10  # of malloc.h; bytes from which on a piece of memory goes back as soon as it is not needed
+M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8  # of malloc.h
+OF_ITS_OWN = 512 << 10  # bytes from which on a piece of memory goes back as soon as it is not needed
 
 
 def begin() -> None:
-    """Before anything large is loaded: glibc would else take the largest piece so far for the measure, and keep all smaller ones."""
+    """Before anything large is loaded: glibc would else take the largest piece so far for the measure, and keep all smaller ones, and have
+    a store of its own for each thread."""
     tell = _of_the_c_library("mallopt")
     if tell is not None:
         tell(M_MMAP_THRESHOLD, OF_ITS_OWN)
+        tell(M_ARENA_MAX, 1)
 
 
 def settle() -> None:

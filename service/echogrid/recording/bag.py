@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import yaml
-
 from echogrid.zenoh.ros import HASHES
 
 # Until version 8, policies are numbers, which Humble knows alone; what is newer reads them in a bag that says so.
@@ -40,7 +38,7 @@ def quality(depth: int, kept: bool) -> str:
         "liveliness_lease_duration": dict(NEVER),
         "avoid_ros_namespace_conventions": False,
     }
-    return str(yaml.safe_dump([profile], sort_keys=False)).strip()
+    return _as_yaml([profile]).strip()
 
 
 def information(file: str | None, topics: Mapping[str, BagTopic], first_ns: int, last_ns: int) -> dict[str, Any]:
@@ -63,7 +61,13 @@ def information(file: str | None, topics: Mapping[str, BagTopic], first_ns: int,
 
 def serialized(described: Mapping[str, Any]) -> str:
     """As yaml."""
-    return str(yaml.safe_dump(dict(described), sort_keys=False))
+    return _as_yaml(dict(described))
+
+
+def _as_yaml(value: object) -> str:
+    import yaml  # a service that records nothing need not load it
+
+    return str(yaml.safe_dump(value, sort_keys=False))
 
 
 def _counted(name: str, topic: BagTopic) -> dict[str, Any]:
