@@ -96,7 +96,8 @@ def around(seed: int = 3) -> Surroundings:
     past = Detections(points, np.zeros_like(points), rng.uniform(-20, 20, 40), np.zeros(40))
     newest = np.arange(40) >= 30
     looks = Looks.of([], [])
-    return Surroundings(past.taken(np.flatnonzero(newest)), past, np.where(newest, 0.0, 4.0), newest.astype(np.int64), looks, ["front_left"])
+    now = past.taken(np.flatnonzero(newest))
+    return Surroundings(now, past, np.where(newest, 0.0, 4.0), newest.astype(np.int64), looks, ["front_left"])
 
 
 def write(path: Path, graph: onnx.GraphProto, contract: object) -> Path:

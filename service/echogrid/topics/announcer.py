@@ -48,7 +48,7 @@ KEY_PERIOD_NS = 1_000_000_000  # a key frame goes out at the latest with the fir
 
 _TRINARY = np.full(256, -1, dtype=np.int8)  # of each percent, as a byte
 _TRINARY[: FREE_UP_TO + 1] = 0
-_TRINARY[OCCUPIED_FROM : 128] = 100
+_TRINARY[OCCUPIED_FROM:128] = 100
 
 Wanted = Callable[[Topic], bool]
 MAPPED = (ODOMETRY, TRANSFORM, DETECTIONS, JUDGED, KEY, TRINARY, UPDATE, FULL)  # what a snapshot becomes

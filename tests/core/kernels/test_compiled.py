@@ -244,7 +244,8 @@ def gated(random: Random, size: int) -> list[Any]:
     asked = random.random((2, size)) < 0.7
     asked[1] = asked[1] if random.random() < 0.7 else asked[0]
     sigmas = np.where(random.random(size) < 0.05, np.nan, np.abs(random.normal(0, 3, size)).round())
-    return [points(random, size, 5, 1.0), sigmas, asked, 3.0, 2.0, np.ones(size, np.uint8), np.zeros((2, size), np.int64), np.ones(2, np.int64)]
+    written = [np.ones(size, np.uint8), np.zeros((2, size), np.int64), np.ones(2, np.int64)]
+    return [points(random, size, 5, 1.0), sigmas, asked, 3.0, 2.0, *written]
 
 
 def possible(random: Random, size: int) -> list[Any]:

@@ -72,11 +72,26 @@ def in_whole_numbers(graph: onnx.GraphProto, image: np.ndarray) -> np.ndarray:
         (given, step, zero) = made[name].input
         return rounded(given).astype(np.int64) - int(np.unique(constants[zero])[0]), constants[step]
 
+    def moved(node: onnx.NodeProto) -> np.ndarray:
+        """Bytes that only change their places."""
+        given, how = [rounded(name) for name in node.input], {one.name: helper.get_attribute_value(one) for one in node.attribute}
+        if node.op_type == "Transpose":
+            return given[0].transpose(how["perm"])
+        if node.op_type == "Concat":
+            return np.concatenate(given, axis=how["axis"])
+        if node.op_type == "Reshape":
+            return given[0].reshape(given[1])
+        assert node.op_type == "Slice"
+        (begin,), (end,), (axis,) = given[1:]
+        return given[0].take(range(begin, end), axis=axis)
+
     @functools.cache
     def rounded(name: str) -> np.ndarray:
         """A tensor in its bytes."""
         if name in constants:
             return constants[name]
+        if made[name].op_type != "QuantizeLinear":
+            return moved(made[name])
         (given, step, zero) = made[name].input
         node = made[given]
         if node.op_type == "Conv":
@@ -88,9 +103,8 @@ def in_whole_numbers(graph: onnx.GraphProto, image: np.ndarray) -> np.ndarray:
             found = np.concatenate([x.astype(np.float32) * x_step / constants[step] for x, x_step in map(steps, node.input)], axis=1)
         else:
             (x, x_step) = steps(given if node.op_type == "DequantizeLinear" else node.input[0])
-            assert node.op_type in ("DequantizeLinear", "Resize")
-            twice = 2 if node.op_type == "Resize" else 1
-            found = (x.astype(np.float32) * x_step / constants[step]).repeat(twice, axis=2).repeat(twice, axis=3)
+            assert node.op_type == "DequantizeLinear"
+            found = x.astype(np.float32) * x_step / constants[step]
         return np.clip(np.rint(found) + constants[zero], 0, 255).astype(np.uint8)
 
     integers, step = steps("answer")

@@ -26,7 +26,7 @@ from echogrid.errors import EchogridError
 from echogrid.model.network import KEY, PAPER, VERSION, Contract, Golden, OnnxSensorModel, Precision, coarse, fed, unfolded
 from echogrid_training.learning.autoencoder import CELLS, SLOPE, PaperAutoencoder
 from echogrid_training.learning.dataset import Samples
-from echogrid_training.learning.quantise import quantised
+from echogrid_training.learning.quantise import quantised, streamlined
 from echogrid_training.learning.train import Trained
 from echogrid_training.learning.unet import CLASS_WEIGHTS, UNet, corrected
 
@@ -139,7 +139,7 @@ def export(trained: Trained, out: Path, calibration: Calibration, calibrating: B
     if calibrating is not None:
         shown = pixel_unshuffle(torch.from_numpy(calibrating).float() / 255, 2).numpy()
         graph = traced(trained, torch.float32)
-        written.append(write(trained, out / f"{name}.int8.onnx", quantised(graph, INPUT, shown), "int8", calibration))
+        written.append(write(trained, out / f"{name}.int8.onnx", streamlined(quantised(graph, INPUT, shown)), "int8", calibration))
     return written
 
 

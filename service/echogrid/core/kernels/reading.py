@@ -92,8 +92,8 @@ def within(x: Singles, least: float, most: float) -> Singles:
 
 
 def differing(before: NDArray[np.int8], after: NDArray[np.int8], out: Integers) -> None:
-    """The smallest rectangle of the arrays (H, W) outside which they are equal: out (4,) is its first row and column, height and width; all 0
-    where they are equal everywhere."""
+    """The smallest rectangle of the arrays (H, W) outside which they are equal: out (4,) is its first row and column, height and width;
+    all 0 where they are equal everywhere."""
     differs = before != after
     rows, columns = np.flatnonzero(differs.any(axis=1)), np.flatnonzero(differs.any(axis=0))
     out[:] = (rows[0], columns[0], rows[-1] - rows[0] + 1, columns[-1] - columns[0] + 1) if len(rows) else 0

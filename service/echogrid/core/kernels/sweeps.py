@@ -1,4 +1,4 @@
-"""The reference's loops over the detections of a cycle: what stands, what moves, what is seen again, and the motion that most agree with."""
+"""The reference's loops over a cycle's detections: what stands, what moves, what is seen again, and the motion that most agree with."""
 
 from __future__ import annotations
 
@@ -39,7 +39,8 @@ def gathered(
 
 
 def agreeing(sizes: Integers, near: Mask, sigmas: Floats, limit: float, out: Integers) -> None:
-    """Of scans (S,) with so many detections: out (2, S) counts those that are near, and those of them that are at most `limit` sigmas off."""
+    """Of scans (S,) with so many detections: out (2, S) counts those that are near, and those of them that are at most `limit` sigmas
+    off."""
     scan = np.repeat(np.arange(len(sizes)), sizes)
     for row, which in zip(out, (near, near & (sigmas <= limit)), strict=True):
         row[:] = np.bincount(scan[which], minlength=len(sizes))
@@ -48,9 +49,9 @@ def agreeing(sizes: Integers, near: Mask, sigmas: Floats, limit: float, out: Int
 def gated(
     points: Floats, sigmas: Floats, asked: Mask, limit: float, radius: float, verdicts: Bytes, static: Integers, found: Integers
 ) -> None:
-    """Twice: of detections (N,), those that are `asked` (2, N), by GateVerdict: what is more than `limit` sigmas off a standing thing moves, and
-    what lies within `radius` m of at least two such is beside them. `verdicts` (N,) of the first time; `static` (2, N) which ones stand,
-    `found` (2,) how many of them there are."""
+    """Twice: of detections (N,), those that are `asked` (2, N), by GateVerdict: what is more than `limit` sigmas off a standing thing
+    moves, and what lies within `radius` m of at least two such is beside them. `verdicts` (N,) of the first time; `static` (2, N) which
+    ones stand, `found` (2,) how many of them there are."""
     for which, standing, count in zip(asked[::-1], static[::-1], found[::-1, None], strict=True):
         some = np.flatnonzero(which)
         moving, near = ~(sigmas[some] <= limit), np.empty(len(some), np.bool_)
@@ -73,8 +74,8 @@ def possible(azimuth: Floats, rate: Floats, widest: float, fastest: float, out: 
 
 
 def nearby(points: Floats, reach: Floats, radars: Integers, older: Floats, of: Integers, pairs: Integers, found: Integers) -> None:
-    """Of points (N, 2) with those of the `older` (M, 2) that the same radar saw and that are less than `reach` (N,) away: `pairs` (2, N * M)
-    of their numbers, point by point, and how many, `found` (1,)."""
+    """Of points (N, 2) with those of the `older` (M, 2) that the same radar saw and that are less than `reach` (N,) away: `pairs`
+    (2, N * M) of their numbers, point by point, and how many, `found` (1,)."""
     apart = points[:, None] - older
     near = (apart[..., 0] * apart[..., 0] + apart[..., 1] * apart[..., 1] < (reach * reach)[:, None]) & (radars[:, None] == of)
     both = np.stack(np.nonzero(near))

@@ -78,8 +78,8 @@ def gate_row(mount: Mount, speed: float, yaw_rate: float, ambiguity: float, nois
 
 
 def gated(points: Floats, sigmas: Floats, asked: NDArray[np.bool_], noise: GateNoise) -> tuple[NDArray[np.uint8], list[NDArray[np.int64]]]:
-    """Of detections at points (N, 2) m, so many sigmas (N,) off a standing thing, those that are `asked`, (2, N) for two ways of asking: the
-    verdict (N,) by the first, `kernels.sweeps.GateVerdict`, and by each which ones stand."""
+    """Of detections at points (N, 2) m, so many sigmas (N,) off a standing thing, those that are `asked`, (2, N) for two ways of asking:
+    the verdict (N,) by the first, `kernels.sweeps.GateVerdict`, and by each which ones stand."""
     verdicts, static, found = np.empty(len(points), np.uint8), np.empty((2, len(points)), np.int64), np.empty(2, np.int64)
     loops.gated(points, sigmas, asked, noise.sigmas, noise.mover_radius, verdicts, static, found)
     return verdicts, [row[:count] for row, count in zip(static, found.tolist(), strict=True)]
