@@ -252,6 +252,15 @@ def possible(random: Random, size: int) -> list[Any]:
     return [random.normal(0, 1, size).round(1), random.normal(0, 40, size).round(-1), 1.3, 70.0, np.ones(1, np.int64)]
 
 
+def leanings(random: Random, size: int) -> list[Any]:
+    bearing, spread = random.uniform(-3, 3, size), random.normal(0, 0.1, (7, 7))
+    rate, interval = random.normal(-7, 2, size), random.choice([0.0, 12.5])
+    motion = random.normal(3, 2, 9) * (random.random(9) < 0.9)
+    noise = (0.13, 0.03, 0.1, 3.0, 6.0, float(random.choice([1.0, 10.0])), 1.3)
+    written = [np.ones((size, 7)), np.ones(size), np.ones(size)]
+    return [np.cos(bearing), np.sin(bearing), bearing, rate, *motion, interval, spread @ spread.T, *noise, *written]
+
+
 def nearby(random: Random, size: int) -> list[Any]:
     """Many are 2 m apart."""
     count = size // 2
@@ -318,7 +327,7 @@ CASES: dict[str, Callable[[Random, int], list[Any]]] = {
             look,
         ),
         *(add_measured, usual, fold, odds, beside, common_motion, signals, quantities, read_out, percent, differing),
-        *(gathered, agreeing, gated, possible, nearby),
+        *(gathered, agreeing, gated, possible, nearby, leanings),
     )
 }
 

@@ -49,6 +49,7 @@ from echogrid.core.kernels.sweeps import beside as beside
 from echogrid.core.kernels.sweeps import common_motion as common_motion
 from echogrid.core.kernels.sweeps import gated as gated
 from echogrid.core.kernels.sweeps import gathered as gathered
+from echogrid.core.kernels.sweeps import leanings as leanings
 from echogrid.core.kernels.sweeps import nearby as nearby
 from echogrid.core.kernels.sweeps import possible as possible
 from echogrid.core.kernels.tiles import add_clamped as add_clamped

@@ -120,6 +120,45 @@ KERNEL(gated) {
     return done(&given);
 }
 
+enum { LEANINGS = 7 };
+
+KERNEL(leanings) {
+    TAKE("d1d1d1d1xxxxxxxxxxd2xxxxxxxd2!d1!d1!");
+    Py_ssize_t size = LENGTH(0, 0), standing = 0;
+    int fits = LENGTH(4, 0) == LEANINGS && LENGTH(4, 1) == LEANINGS && LENGTH(5, 0) == size && LENGTH(5, 1) == LEANINGS && LENGTH(6, 0) == size && LENGTH(7, 0) == size;
+    for (int n = 1; n < 4; n++) fits &= LENGTH(n, 0) == size;
+    if (!sized(&given, fits)) return NULL;
+    const double *cos = ARRAY(0)->buf, *sin = ARRAY(1)->buf, *azimuth = ARRAY(2)->buf, *rate = ARRAY(3)->buf, *number = given.number;
+    const double x = number[0], y = number[1], wheels = number[2], gyro = number[3], speed = number[4], yaw_rate = number[5];
+    const double acceleration = number[6], turn_acceleration = number[7], too_high = number[8], interval = number[9];
+    const double by_rate = number[10], by_azimuth = number[11], by_distortion = number[12], limit = number[13], worth = number[14], most = number[15];
+    double *left = ARRAY(6)->buf, *weight = ARRAY(7)->buf;
+    for (Py_ssize_t n = 0; n < size; n++) {
+        double *slope = ROW(double, 5, n), lever = y * cos[n] - x * sin[n], by_bearing = speed * sin[n] - yaw_rate * (y * sin[n] + x * cos[n]);
+        slope[0] = cos[n] * -wheels;
+        slope[1] = -lever;
+        slope[2] = lever * gyro;
+        slope[3] = lever * turn_acceleration - cos[n] * acceleration;
+        slope[4] = by_bearing;
+        slope[5] = by_bearing * azimuth[n];
+        slope[6] = 1;
+        left[n] = rate[n] - (yaw_rate * lever - speed * cos[n] + too_high);
+        if (interval > 0) left[n] -= interval * rint(left[n] / interval);
+        double variance = by_rate * by_rate + (by_bearing * by_azimuth) * (by_bearing * by_azimuth), doubt = 0;
+        for (int j = 0; j < LEANINGS; j++) {
+            double along = 0;
+            for (int i = 0; i < LEANINGS; i++) along += slope[i] * ROW(double, 4, i)[j];
+            doubt += along * slope[j];
+        }
+        int stands = left[n] * left[n] < limit * limit * (variance + doubt);
+        weight[n] = stands ? variance + (by_bearing * by_distortion) * (by_bearing * by_distortion) : 0;
+        standing += stands;
+    }
+    double share = (double)standing / most, counts = worth * (share > 1 ? share : 1) * number[16];
+    for (Py_ssize_t n = 0; n < size; n++) weight[n] = weight[n] != 0 ? 1 / (counts * weight[n]) : 0;
+    return done(&given);
+}
+
 KERNEL(possible) {
     TAKE("d1d1xxl1!");
     Py_ssize_t size = LENGTH(0, 0);

@@ -68,6 +68,61 @@ def beside(points: Floats, moving: Mask, radius: float, out: Mask) -> None:
     out[:] = ((away * away).sum(axis=2) < radius * radius).sum(axis=1) >= 2
 
 
+def leanings(
+    cos: Floats,
+    sin: Floats,
+    azimuth: Floats,
+    rate: Floats,
+    x: float,
+    y: float,
+    wheels: float,
+    gyro: float,
+    speed: float,
+    yaw_rate: float,
+    acceleration: float,
+    turn_acceleration: float,
+    too_high: float,
+    interval: float,
+    covariance: Floats,
+    by_rate: float,
+    by_azimuth: float,
+    by_distortion: float,
+    limit: float,
+    worth: float,
+    most: float,
+    slipping: float,
+    slope: Floats,
+    left: Floats,
+    weight: Floats,
+) -> None:
+    """How range rates (N,) lean on seven errors, of which `covariance` (7, 7) is: wheel scale, gyro's bias and scale, delay, yaw of the mount,
+    stretch of azimuths, and the rate that all are `too_high` by. `slope` (N, 7) are the derivatives, `left` (N,) what the motion leaves of
+    the rates, modulo the interval if there is one, `weight` (N,) inverse variances, 0 for what is more than `limit` sigmas off.
+
+    Detections of one scan by cosine and sine of their bearings in base, from a sensor at x, y (m). `wheels` and `gyro` as they are, speed
+    and yaw rate as they should be. Sigmas: m/s, rad, rad; `worth` variances a detection counts as, at most `most` of them whole, and
+    `slipping` times as many.
+    """
+    lever = y * cos - x * sin
+    by_bearing = speed * sin - yaw_rate * (y * sin + x * cos)
+    columns = (cos * -wheels, -lever, lever * gyro, lever * turn_acceleration - cos * acceleration, by_bearing, by_bearing * azimuth)
+    for row, column in zip(slope.T, (*columns, 1.0), strict=True):
+        row[:] = column
+    left[:] = rate - (yaw_rate * lever - speed * cos + too_high)
+    if interval > 0:
+        left -= interval * np.rint(left / interval)
+    variance = by_rate * by_rate + (by_bearing * by_azimuth) * (by_bearing * by_azimuth)
+    doubt = np.zeros(len(cos))
+    for j in range(7):
+        along = np.zeros(len(cos))
+        for i in range(7):
+            along += slope[:, i] * covariance[i, j]
+        doubt += along * slope[:, j]
+    stands = left * left < limit * limit * (variance + doubt)
+    counts = worth * max(1.0, np.count_nonzero(stands) / most) * slipping
+    weight[:] = np.where(stands, 1.0 / (counts * (variance + (by_bearing * by_distortion) * (by_bearing * by_distortion))), 0.0)
+
+
 def possible(azimuth: Floats, rate: Floats, widest: float, fastest: float, out: Integers) -> None:
     """Out (1,): of detections (N,), how many lie within `widest` rad of boresight and are at most as fast as `fastest`."""
     out[0] = np.count_nonzero((np.abs(azimuth) <= widest) & (np.abs(rate) <= fastest))

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.core.kernels.dispatch import loops
 from echogrid.core.messages import Floats
 from echogrid.core.motion.error_filter import ErrorFilter
 from echogrid.core.motion.error_model import BIAS, CAR, DELAY, HEADING, POSE, RATE, SCALE, STRETCH, TURN_SCALE, YAW, X, Y
 from echogrid.core.radar.placed_scan import PlacedScan
-from echogrid.core.radar.static_gate import GateNoise, fold
+from echogrid.core.radar.static_gate import GateNoise
 
 PERIOD_NS = 200_000_000  # scans that follow sooner only repeat what was said
 SLOWEST = 1.0  # m/s: of a slower car nothing is learned
@@ -46,7 +47,7 @@ class DopplerErrors:
             rows = rows_of(errors, one.scan.sensor)
             slope, left, weight = equations(one, errors, noise)
             weighted = slope * weight[:, None]
-            information[np.ix_(rows, rows)] += weighted.T @ slope
+            information[rows[:, None], rows] += weighted.T @ slope
             vector[rows] += weighted.T @ left
         radars = range(POSE + CAR, count)
         errors.see(information, vector, (X, Y, HEADING, SCALE, DELAY, *radars))
@@ -66,24 +67,15 @@ def equations(one: PlacedScan, errors: ErrorFilter, noise: GateNoise) -> tuple[F
     rows = rows_of(errors, scan.sensor)
     scale, bias, turn_scale, delay, yaw, stretch, rate = errors.mean[rows].tolist()
     wheels, gyro = ego.speed / (1.0 + errors.scale), ego.yaw_rate + errors.bias
-    speed = wheels * (1.0 + scale) + delay * errors.acceleration
-    yaw_rate = gyro * (1.0 + turn_scale) - bias + delay * errors.turn_acceleration
-    bearing = scan.azimuth * (1.0 + stretch) + (place.yaw + yaw)
-    cos, sin = np.cos(bearing), np.sin(bearing)
-    lever = place.y * cos - place.x * sin
-    by_bearing = speed * sin - yaw_rate * (place.y * sin + place.x * cos)
-    slope = np.empty((len(cos), len(rows)))
-    slope[:, 0] = cos * -wheels
-    slope[:, 1] = -lever
-    slope[:, 2] = lever * gyro
-    slope[:, 3] = lever * errors.turn_acceleration - cos * errors.acceleration
-    slope[:, 4] = by_bearing
-    slope[:, 5] = by_bearing * scan.azimuth
-    slope[:, 6] = 1.0
-    left = fold(scan.range_rate - (yaw_rate * lever - speed * cos + rate), scan.ambiguity)
-    variance = noise.range_rate**2 + (by_bearing * noise.azimuth) ** 2
-    doubt = ((slope @ errors.covariance[np.ix_(rows, rows)]) * slope).sum(axis=1)
-    stands = left**2 < noise.sigmas**2 * (variance + doubt)
-    worth = CORRELATED * max(1.0, np.count_nonzero(stands) / MOST) * (1.0 + (errors.acceleration / SLIPPING) ** 2)
-    weight: Floats = stands / (worth * (variance + (by_bearing * DISTORTED) ** 2))
+    bearing, count = scan.azimuth * (1.0 + stretch) + (place.yaw + yaw), len(scan)
+    slope, left, weight = np.empty((count, len(rows))), np.empty(count), np.empty(count)
+    loops.leanings(
+        *(np.cos(bearing), np.sin(bearing), scan.azimuth, scan.range_rate, place.x, place.y, wheels, gyro),
+        wheels * (1.0 + scale) + delay * errors.acceleration,
+        gyro * (1.0 + turn_scale) - bias + delay * errors.turn_acceleration,
+        *(errors.acceleration, errors.turn_acceleration, rate, scan.ambiguity, errors.covariance[rows[:, None], rows]),
+        *(noise.range_rate, noise.azimuth, DISTORTED, noise.sigmas),
+        *(CORRELATED, MOST, 1.0 + (errors.acceleration / SLIPPING) ** 2),
+        *(slope, left, weight),
+    )
     return slope, left, weight
