@@ -44,7 +44,7 @@ class Cadence:
         if last is None:
             return
         counted = (number - last[0]) % self.size
-        self.missing = max(counted - 1, 0)
+        self.missing = counted - 1 if counted else 0
         self._elapsed = elapsed = (received_ns - last[1]) * NS
         if counted == 0 or not 0.0 <= elapsed < LONGEST:
             self.lag = 0.0
@@ -73,13 +73,14 @@ class Cadence:
         if self._left_out and (early := min(round(-lag / self._period), self._left_out)) > 0:  # no frame comes before it is sent
             self._left_out -= early
             lag += early * self._period
-        if abs(lag) < JUMP:
+        if -JUMP < lag < JUMP:
             lag -= lag * GAIN
             if counted > 0 and self._steady and (abs(elapsed / counted - self._period) < REGULAR * self._period or self._steps < 3):
-                self._steps = min(self._steps + 1.0, STEPS)
+                if self._steps < STEPS:
+                    self._steps = min(self._steps + 1.0, STEPS)
                 self._period += (elapsed / counted - self._period) / self._steps
-        self.lag = lag if abs(lag) < LONGEST else 0.0
-        if len(self._lately) >= FEWEST and self._for >= LATELY:
+        self.lag = lag if -LONGEST < lag < LONGEST else 0.0
+        if self._for >= LATELY and len(self._lately) >= FEWEST:
             self._correct_period()
 
     @property

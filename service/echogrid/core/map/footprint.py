@@ -30,10 +30,12 @@ class Footprint:
         reach = (half + cell / 2) * (abs(cos) + abs(sin))
         column = math.floor((odom_from_base.x - reach) / cell)
         row = math.floor((odom_from_base.y - reach) / cell)
-        centres = np.arange(math.ceil(2 * reach / cell) + 1) + 0.5
         # From the car, in cells: small enough for float32, which halves the time.
-        dx = (((column + centres) * cell - odom_from_base.x) / cell).astype(np.float32)
-        dy = (((row + centres) * cell - odom_from_base.y) / cell).astype(np.float32)
+        centres = np.arange(0.5, math.ceil(2 * reach / cell) + 1) + ((column,), (row,))
+        centres *= cell
+        centres -= ((odom_from_base.x,), (odom_from_base.y,))
+        centres /= cell
+        dx, dy = centres.astype(np.float32)
         return Footprint(row, column, (dx, dy, cos, sin, half / cell + 0.5))
 
     @property

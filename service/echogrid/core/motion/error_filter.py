@@ -58,6 +58,7 @@ class ErrorFilter:
         self.scale = self.bias = 0.0  # what is taken off: a share, rad/s
         self.acceleration = self.turn_acceleration = 0.0  # m/s², rad/s²
         self._walk = model.wandering(len(radars))
+        self._still = np.eye(len(self.mean))  # what a leg of no length makes of all errors
         self._smooth: tuple[float, float] | None = None
         self._unseen = 0.0  # rad that the car turned while its wheels showed 0
         self._leg: Leg | None = None
@@ -136,7 +137,7 @@ class ErrorFilter:
         """
         gain = np.zeros_like(self.covariance)
         rows = list(moves)
-        gain[rows] = np.linalg.solve(np.eye(len(vector)) + self.covariance @ information, self.covariance)[rows]
+        gain[rows] = np.linalg.solve(self._still + self.covariance @ information, self.covariance)[rows]
         gained = gain @ information
         self._update(gained, gained @ gain.T, gain @ vector)
 
@@ -158,7 +159,7 @@ class ErrorFilter:
         """Mean and covariance after a leg."""
         dx, dy = after.x - leg.begin.x, after.y - leg.begin.y
         seconds, turn = leg.seconds, leg.yaw_rate
-        step = np.eye(len(self.mean))
+        step = self._still.copy()
         step[X, HEADING], step[Y, HEADING] = -dy, dx
         step[X, SCALE], step[Y, SCALE] = dx / (1.0 + self.scale), dy / (1.0 + self.scale)
         length = math.hypot(dx, dy)
@@ -172,9 +173,10 @@ class ErrorFilter:
             self._creep(leg)
             return
         self._unseen = 0.0
-        ahead = np.array((dx, dy)) / length
+        x, y = dx / length, dy / length
         along, side = model.ALONG_NOISE**2 * length, model.SIDE_NOISE**2 * length
-        self.covariance[:HEADING, :HEADING] += side * np.eye(2) + (along - side) * np.outer(ahead, ahead)
+        mixed = (along - side) * (x * y)
+        self.covariance[:HEADING, :HEADING] += ((side + (along - side) * (x * x), mixed), (mixed, side + (along - side) * (y * y)))
         self.covariance[HEADING, HEADING] += model.HEADING_NOISE**2 * seconds + model.TURN_NOISE**2 * abs(turn)
 
     def _creep(self, leg: Leg) -> None:
@@ -230,7 +232,7 @@ class ErrorFilter:
 
     def _update(self, gained: Floats, noise: Floats, moved: Floats) -> None:
         """Joseph's form, which holds for whatever gain."""
-        rest = np.eye(len(moved)) - gained
+        rest = self._still - gained
         covariance = rest @ self.covariance @ rest.T + noise
         self.covariance = (covariance + covariance.T) / 2
         self.mean += moved

@@ -28,7 +28,7 @@ class SE2(NamedTuple):
     def ahead(self, distance: float, turn: float) -> SE2:
         """`self @ arc(distance, turn)`, which is asked for most often."""
         x, y, yaw = self
-        along, aside, turn = arc(distance, turn)
+        along, aside = _along(distance, turn)
         c, s = math.cos(yaw), math.sin(yaw)
         return SE2(x + c * along - s * aside, y + s * along + c * aside, yaw + turn)
 
@@ -53,7 +53,12 @@ def arc(distance: float, turn: float) -> SE2:
     The exponential map of SE(2) for (distance, 0, turn), exact for constant speed and yaw rate. Near turn = 0 the series is
     used, so a straight line is not a special case.
     """
-    if abs(turn) < 1e-4:  # below, sin(t)/t and (1 - cos t)/t lose digits; the next terms are under 1e-17
-        return SE2(distance * (1.0 - turn * turn / 6.0), distance * turn / 2.0 * (1.0 - turn * turn / 12.0), turn)
+    return SE2(*_along(distance, turn), turn)
+
+
+def _along(distance: float, turn: float) -> tuple[float, float]:
+    """Where it ends."""
+    if -1e-4 < turn < 1e-4:  # there, sin(t)/t and (1 - cos t)/t lose digits; the next terms are under 1e-17
+        return distance * (1.0 - turn * turn / 6.0), distance * turn / 2.0 * (1.0 - turn * turn / 12.0)
     radius = distance / turn
-    return SE2(radius * math.sin(turn), radius * (1.0 - math.cos(turn)), turn)
+    return radius * math.sin(turn), radius * (1.0 - math.cos(turn))

@@ -20,7 +20,8 @@ class Standstill:
     def add(self, stamp_ns: int, yaw_rate: float, *, standing: bool) -> tuple[float, float] | None:
         """One reading, and whether the wheels stand. Where another batch is confirmed: how long it took (s), and its mean (rad/s)."""
         if not standing or abs(yaw_rate) > PLAUSIBLE:
-            self.restart()
+            if self._since_ns is not None:
+                self.restart()
             return None
         if self._since_ns is None:
             self._since_ns = stamp_ns
