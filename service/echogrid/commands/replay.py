@@ -9,7 +9,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -27,8 +27,10 @@ from echogrid.files import named
 from echogrid.logs.drive import Drive, Truth, find_drive, load_truth
 from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
-from echogrid.recording.replay_recording import ReplayRecording
 from echogrid.store.tile_keeper import TileKeeper
+
+if TYPE_CHECKING:
+    from echogrid.recording.replay_recording import ReplayRecording
 
 PACE = 0.01  # s
 
@@ -122,7 +124,7 @@ def replay(
     with ExitStack() as opened:
         if record is not None:
             opened.enter_context(named(record))
-        recording = None if record is None else opened.enter_context(ReplayRecording(record, pipeline))
+        recording = None if record is None else opened.enter_context(_recording(record, pipeline))
         keeper: TileKeeper | None = None
         try:
             for batch in log.batches():
@@ -167,6 +169,13 @@ def replay(
     if torn is not None:
         raise in_part(torn, log, out)
     return summary
+
+
+def _recording(path: Path, pipeline: Pipeline) -> ReplayRecording:
+    """Loaded where one is asked for."""
+    from echogrid.recording.replay_recording import ReplayRecording
+
+    return ReplayRecording(path, pipeline)
 
 
 def in_part(torn: EchogridError, log: Log, out: Path) -> EchogridError:

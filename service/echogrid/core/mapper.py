@@ -215,7 +215,9 @@ class Mapper:
         self.again.add(sweep, self.odometry.errors, self.noise)
         looks = self._looks(sweep.placed, ego)
         found = _detections(sweep, looks)
-        asked = np.stack((sweep.near, sweep.range <= self.map.reach))  # near enough to be shown, and for the map to reach
+        asked = np.empty((2, len(sweep.near)), np.bool_)  # near enough to be shown, and for the map to reach
+        asked[0] = sweep.near
+        np.less_equal(sweep.range, self.map.reach, out=asked[1])
         verdicts, (near, reached) = gated(found.points, sweep.sigmas, asked, self.noise)
         static = found.taken(near)
         self.health.cycles += 1

@@ -72,9 +72,10 @@ class HistoryRaster:
 
     def _looks(self, looks: Looks, plane: Bytes) -> None:
         """Counted by the centres of blocks, all of a block's cells alike."""
-        x, y, yaw = looks.place.astype(np.float32).T
-        reach, half_fov = looks.max_range.astype(np.float32), looks.half_fov.astype(np.float32)
-        scans = np.stack((x, y, np.cos(yaw), np.sin(yaw), reach, np.cos(half_fov)), axis=1)
+        scans = np.empty((len(looks.place), 6), np.float32)
+        scans[:, :3], scans[:, 4], scans[:, 5] = looks.place, looks.max_range, looks.half_fov
+        np.sin(scans[:, 2], out=scans[:, 3])
+        np.cos(scans[:, 2::3], out=scans[:, 2::3])
         loops.draw_looks(scans, self._blocks, COUNT, plane)
 
     def _view(self, live: frozenset[str]) -> Bytes:

@@ -6,7 +6,9 @@ Within a look each cell counts once: as passed, if a beam went through it; as hi
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +33,8 @@ Numbers = NDArray[np.float32]
 class Change:
     """Of the map's cells that an update touched, (K,) each, tile by tile."""
 
-    window: Window
-    begins: Cells  # (T + 1,) where each tile's begin, of all tiles under the window, by rows
+    under: Sequence[TileKey]  # (T,) all tiles under the window, by rows
+    begins: Cells  # (T + 1,) where each tile's begin
     inside: NDArray[np.int32]  # flat cell in its tile
     hits: Numbers  # looks to be added in which a reflection lay here
     near: Numbers  # the same for reflections beside it, weighted by distance
@@ -43,9 +45,9 @@ class Change:
 
     def touched(self) -> tuple[Cells, list[TileKey]]:
         """The tiles with such cells, and where in the arrays each one's begin (T + 1,)."""
-        which = np.flatnonzero(np.diff(self.begins))
-        under = tiles_under(self.window)
-        return self.begins[np.append(which, len(under))], [under[n] for n in which.tolist()]
+        begins = self.begins.tolist()
+        some = [n for n, (begin, end) in enumerate(pairwise(begins)) if begin != end]
+        return np.array([begins[n] for n in some] + begins[-1:]), [self.under[n] for n in some]
 
 
 def tiles_under(window: Window) -> list[TileKey]:
@@ -78,6 +80,7 @@ class Measurement:
         half = self._size // 2
         row, column = (math.floor(value / self._cell) - half for value in (odom_from_base.y, odom_from_base.x))
         self._window = Window(row, column, self._size, self._cell)
+        self._under = tiles_under(self._window)
         self._hit.fill(0)
         self._marks.fill(0)
         self._standstill: Standstill | None = None
@@ -86,7 +89,7 @@ class Measurement:
     def look(self, beams: Beams) -> Change:
         """One of the updates that a look consists of: what it adds to those before. The change holds until the next."""
         window, reach = self._window, Reach.of(beams, *self._spread)
-        begins = np.empty(len(tiles_under(window)) + 1, np.int64)
+        begins = np.empty(len(self._under) + 1, np.int64)
         loops.look(
             window.row,
             window.column,
@@ -114,7 +117,7 @@ class Measurement:
         some = slice(int(begins[-1]))
         nothing = np.zeros(some.stop, np.bool_)
         hits, near, passes = self._hits[some], self._near[some], self._passes[some]
-        return Change(window, begins, self._inside[some], hits, near, passes, nothing, nothing, self._radars[some])
+        return Change(self._under, begins, self._inside[some], hits, near, passes, nothing, nothing, self._radars[some])
 
     def stand(self, beams: Beams, seconds: float) -> Change:
         """An update after those, from the same place: only what arrives and what leaves counts. `seconds` since the last."""
@@ -144,15 +147,15 @@ class Measurement:
         for bit in once(who):
             radars[cells[who == bit]] |= bit
         touched = np.flatnonzero((hits > 0) | (near > 0) | first | left)
-        begins = np.empty(len(tiles_under(window)) + 1, np.int64)
+        begins = np.empty(len(self._under) + 1, np.int64)
         order, inside = by_tile(touched, window.row, window.column, window.size, begins)
         some = touched[order]
         hit, beside = (values[some].astype(np.float32) for values in (hits, near))
-        return Change(window, begins, inside, hit, beside, np.zeros_like(hit), first[some], left[some], radars[some])
+        return Change(self._under, begins, inside, hit, beside, np.zeros_like(hit), first[some], left[some], radars[some])
 
     def _nothing(self) -> Change:
         """No cell changes."""
         numbers, flags = np.empty(0, np.float32), np.empty(0, np.bool_)
-        begins = np.zeros(len(tiles_under(self._window)) + 1, np.int64)
+        begins = np.zeros(len(self._under) + 1, np.int64)
         inside, radars = np.empty(0, np.int32), np.empty(0, np.uint16)
-        return Change(self._window, begins, inside, numbers, numbers, numbers, flags, flags, radars)
+        return Change(self._under, begins, inside, numbers, numbers, numbers, flags, flags, radars)
