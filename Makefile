@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 FUZZ_SECONDS ?= 180
 RIG ?= full
-LOCK := build/tools/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate \
+LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate \
 	--excludes requirements/excluded.txt --custom-compile-command "make lock"
 
 .PHONY: demo test test-rig deb release bench lint fuzz docs sbom lock model-sums demo-drive develop clean
@@ -13,9 +13,10 @@ demo: .venv/.service
 	@echo "== demo: the shipped drive over a CAN bus, through the service, over Zenoh, to a subscriber in another process"
 	$(BIN)/echogrid demo --out out/demo
 
+# Bytecode is written as it is needed, whatever the environment says: the installation compiles none, and tests start many programs.
 test: .venv/.develop
 	@echo "== test: service and training package; warnings are errors"
-	$(BIN)/python -m pytest --numprocesses=auto --maxprocesses=4 --dist=loadfile
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses=auto --maxprocesses=4 --dist=loadfile
 
 test-rig: .venv/.develop deb
 	@echo "== test-rig: the service on real CAN interfaces, its package under a real systemd; in a guest, or on this machine with RIG=here"
@@ -61,7 +62,7 @@ sbom: build/tools
 
 # Pins what pyproject.toml, training/pyproject.toml and requirements/*.in ask for. A pin stays where it still fits: take its line out, or
 # the file away, to have it renewed.
-lock: build/tools
+lock: .venv/.service
 	@echo "== lock: requirements/*.txt with hashes"
 	$(LOCK) pyproject.toml --extra terminal --extra metrics --extra mcap --extra view -o requirements/service.txt
 	$(LOCK) pyproject.toml --all-extras training/pyproject.toml requirements/develop.in -c requirements/service.txt -o requirements/develop.txt
@@ -86,14 +87,14 @@ develop: .venv/.develop
 
 .venv/.service: .venv/.python requirements/service.txt requirements/build.txt pyproject.toml hatch_build.py release/version.py service/echogrid/core/kernels/compiled.c $(wildcard service/echogrid/core/kernels/*.h)
 	@echo "== the service and what it needs"
-	$(BIN)/pip install --quiet --require-hashes -r requirements/service.txt -r requirements/build.txt
+	$(BIN)/pip install --quiet --no-compile --require-hashes -r requirements/service.txt -r requirements/build.txt
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
 	@touch $@
 
 .venv/.develop: .venv/.service requirements/develop.txt requirements/torch.txt training/pyproject.toml
 	@echo "== the training package, tests and tools (PyTorch among them: this takes a few minutes)"
-	$(BIN)/pip install --quiet --require-hashes -r requirements/develop.txt
-	$(BIN)/pip install --quiet -r requirements/torch.txt
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes -r requirements/develop.txt
+	$(BIN)/pip install --quiet --no-compile -r requirements/torch.txt
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable training
 	@touch $@
 
