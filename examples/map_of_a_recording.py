@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
 from echogrid.core.map.tiled_map import FREE, OCCUPIED, probability
 from echogrid.logs.drive import find_drive
@@ -22,10 +21,8 @@ def main(folder: str) -> None:
     config = load_config(drive.config)
     pipeline = Pipeline(config, drive.config)
     way = []  # x, y of the rear axle in odom at each map update
-    for message in Log(drive.log):
-        update = pipeline.add(bus_of(message, config.bus) or "", message)
-        if update is not None:
-            way.append((update.ego.odom_from_base.x, update.ego.odom_from_base.y))
+    for update in pipeline.updates(Log(drive.log).batches()):
+        way.append((update.ego.odom_from_base.x, update.ego.odom_from_base.y))
     pipeline.mapper.end_cycle()  # the last one, which no further message ends
     row, column, log_odds = pipeline.mapper.map.whole()  # (H, W) rows along y, columns along x; 0 where never seen
     cell = config.grid.cell

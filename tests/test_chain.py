@@ -24,8 +24,8 @@ WALL = world.standing([(x * 0.3, 6.0) for x in range(-20, 160)])
 
 def mapped(tmp_path: Path, messages: Sequence[can.Message], model: str = "analytic") -> Pipeline:
     pipeline = made(tmp_path, model)
-    for message in messages:
-        pipeline.add("can0", message)
+    for _ in pipeline.updates([FrameBatch.of(messages)]):
+        pass
     pipeline.mapper.end_cycle()
     return pipeline
 
@@ -135,10 +135,8 @@ def shown(pipeline: Pipeline, messages: Sequence[can.Message]) -> list[tuple[SE2
         return infer(around)
 
     pipeline.mapper.infer = noted
-    for message in messages:
-        update = pipeline.add("can0", message)
-        if update is not None:
-            pairs.append((update.ego.odom_from_base, seen[-1]))
+    for update in pipeline.updates([FrameBatch.of(messages)]):
+        pairs.append((update.ego.odom_from_base, seen[-1]))
     return pairs
 
 
@@ -194,8 +192,7 @@ def test_a_standing_car_learns_nothing_new(tmp_path: Path, network: str) -> None
     pipeline = made(tmp_path, network)
     passing = world.moving(world.rectangle(40.0, 3.5), (-10.0, 0.0))
     digests = []
-    for message in world.record(world.straight(0.0), [WALL, passing], 3.0):
-        if pipeline.add("can0", message) is not None:
-            digests.append(pipeline.mapper.map.window_of_layers(-128, -128, 256, 256).tobytes())
+    for _ in pipeline.updates([FrameBatch.of(world.record(world.straight(0.0), [WALL, passing], 3.0))]):
+        digests.append(pipeline.mapper.map.window_of_layers(-128, -128, 256, 256).tobytes())
     assert len(digests) > 40
     assert len(set(digests)) == len(set(digests[:UPDATES])) == UPDATES

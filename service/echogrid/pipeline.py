@@ -9,7 +9,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import can
 import numpy as np
 from numpy.typing import NDArray
 
@@ -47,11 +46,6 @@ class Pipeline:
             errors=ErrorFilter(tuple(mounts), config.motion.learns),
             frame=None if config.pose is None else MapFrame(config.pose.base_from_point(), self.health.pose),
         )
-
-    def add(self, bus: str, message: can.Message) -> MapUpdate | None:
-        """One CAN message of a bus; the map's next state where it ends a cycle."""
-        updates = [update for _, update in self.take(FrameBatch.of([message]), np.array([self.signals.number(bus)]))]
-        return next((update for update in updates if update is not None), None)
 
     def take(self, batch: FrameBatch, buses: NDArray[np.int64]) -> Iterator[tuple[int, MapUpdate | None]]:
         """Frames (N,) of buses (N,), by their number in the configuration or UNKNOWN_BUS; step by step how many of them were taken, and

@@ -15,7 +15,6 @@ from typing import Any
 import numba
 import numpy as np
 
-from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
 from echogrid.core.evidence.history import Surroundings
 from echogrid.core.evidence.inverse_sensor_model import AnalyticSensorModel, BeamModel
@@ -79,8 +78,7 @@ def elfes() -> dict[str, Any]:
         integrate(said, pose, view)
 
     mapper.infer, mapper.map.integrate = noted, placed  # type: ignore[method-assign]
-    for message in Log(drive.log):
-        pipeline.add(bus_of(message, config.bus) or "", message)
+    for _ in pipeline.updates(Log(drive.log).batches()):
         if len(seen) == UPDATES:
             break
     total, model = OccupancyMap(spec), AnalyticSensorModel(spec, tuple(mapper.mounts.values()))

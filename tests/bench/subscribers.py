@@ -36,6 +36,7 @@ from echogrid.zenoh.attachment import decode_grid_attachment
 from echogrid.zenoh.map_reader import MapReader
 from echogrid.zenoh.publisher import Publisher, session_config
 from echogrid.zenoh.region import Regions
+from tests.support import one_by_one
 from tests.support.places import DEMO
 from tests.support.ports import free_port
 from tests.support.routers import router
@@ -202,7 +203,7 @@ def regions(config: Config, drive: Drive) -> None:
 
     def added(pipeline: Pipeline, lock: threading.Lock, message: can.Message) -> bool:
         with lock:
-            return pipeline.add(bus_of(message, config.bus) or "", message) is not None
+            return bool(one_by_one.mapped(pipeline, bus_of(message, config.bus) or "", message))
 
     def asked(side: float) -> Callable[[Pipeline, threading.Lock], None]:
         def ask(pipeline: Pipeline, lock: threading.Lock) -> None:

@@ -20,6 +20,7 @@ from echogrid.core.trust.watch import State
 from echogrid.pipeline import Pipeline
 from tests.faults.drive import DEMO, Frame
 from tests.faults.faults import Fault
+from tests.support.one_by_one import mapped
 
 LOOK = 0.05  # s between two looks at the state
 FRESH = ("ok", "degraded")  # states in which the map claims to be right
@@ -80,7 +81,7 @@ class Ride:
                 break
             states = self.pipeline.mapper.odometry.states
             before = states[-1] if states else None
-            self.pipeline.add("can0", frame.message)
+            mapped(self.pipeline, "can0", frame.message)
             self._heard = frame.time
             states = self.pipeline.mapper.odometry.states
             if states and states[-1] is not before:

@@ -16,6 +16,7 @@ import pytest
 from tests.support import world
 from tests.support.waiting import PATIENCE, until
 
+from echogrid.can.intake.frames import FrameBatch
 from echogrid.client import Client
 from echogrid.commands.replay import replay
 from echogrid.config.loading import load_config
@@ -96,8 +97,8 @@ def test_a_service_with_sixteen_tiles_keeps_the_map_of_the_log_bit_for_bit(drive
     service = Service(Pipeline(config, small.config))
     roomy = Pipeline(load_config(drive.config), drive.config)
     sent = list(Log(drive.log))
-    for message in sent:
-        roomy.add("can0", message)
+    for _ in roomy.updates([FrameBatch.of(sent)]):
+        pass
 
     def play() -> None:
         try:

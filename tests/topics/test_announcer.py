@@ -118,10 +118,7 @@ def test_what_was_judged_holds_what_went_into_the_map_and_a_passing_car_is_movin
     )
     pipeline = Pipeline(load_config(drive / "echogrid.toml"), drive / "echogrid.toml")
     announcer, verdicts, radars, detections = Announcer(pipeline.config, ""), [], set(), 0
-    for frame in Log(drive / "can.log"):
-        update = pipeline.add("can0", frame)
-        if update is None:
-            continue
+    for update in pipeline.updates(Log(drive / "can.log").batches()):
         snapshot = Snapshots().take(pipeline.mapper, update, pipeline.config.publish)
         told = {message.topic: message for message in announcer.map(snapshot)}
         judged, static = decode_judged(told[JUDGED].payload), decode_points(told[DETECTIONS].payload)

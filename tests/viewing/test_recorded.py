@@ -89,13 +89,8 @@ def test_the_last_window_is_that_of_the_map(feed: DriveFeed, folder: Path) -> No
     drive = find_drive(folder, None)
     config = load_config(drive.config)
     pipeline = Pipeline(config, drive.config)
-    seen, last = played(feed), None
-    for message in Log(drive.log):
-        update = pipeline.add("can0", message)
-        if update is not None and update.ego.stamp_ns == seen.pose[0]:
-            last = update
-            break
-    assert last is not None
+    seen = played(feed)
+    last = next(update for update in pipeline.updates(Log(drive.log).batches()) if update.ego.stamp_ns == seen.pose[0])
     row, column, log_odds = pipeline.mapper.map.around(last.ego.odom_from_base, 200)
     np.testing.assert_array_equal(seen.cells(Plane.OCCUPANCY, row, column, 200, 200, -1), occupancy_percent(log_odds))
     assert seen.pose[1:4] == (last.ego.odom_from_base.x, last.ego.odom_from_base.y, last.ego.odom_from_base.yaw)

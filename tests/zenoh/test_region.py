@@ -16,8 +16,10 @@ import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.support import world
+from tests.support.one_by_one import mapped
 from tests.support.waiting import PATIENCE, until
 
+from echogrid.can.intake.frames import FrameBatch
 from echogrid.client import Client
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Publish, Ros
@@ -80,8 +82,8 @@ def refusal(session: zenoh.Session, selector: str) -> str:
 
 
 def test_a_region_is_the_map_there_whole_and_packed(endpoint: str, pipeline: Pipeline, messages: list[can.Message]) -> None:
-    for message in messages:
-        pipeline.add("can0", message)
+    for _ in pipeline.updates([FrameBatch.of(messages)]):
+        pass
     occupancy, mapper = pipeline.mapper.map, pipeline.mapper
     with answering(endpoint, MapReader(mapper, threading.Lock(), None)), Client(endpoint, "test") as client:
         until_there(client)
@@ -128,7 +130,7 @@ def test_while_the_map_is_made_every_answer_is_the_map_of_a_moment(endpoint: str
             moments.add(occupancy_percent(pipeline.mapper.map.window(*where)).tobytes())
         for message in messages:
             with lock:
-                if pipeline.add("can0", message) is not None:
+                if mapped(pipeline, "can0", message):
                     moments.add(occupancy_percent(pipeline.mapper.map.window(*where)).tobytes())
 
     with answering(endpoint, MapReader(pipeline.mapper, lock, None)), Client(endpoint, "test") as client:
@@ -149,8 +151,8 @@ def test_while_the_map_is_made_every_answer_is_the_map_of_a_moment(endpoint: str
 def test_an_older_map_is_read_from_the_store(endpoint: str, tmp_path: Path, pipeline: Pipeline, messages: list[can.Message]) -> None:
     lock = threading.Lock()
     with pipeline.keep(tmp_path / "map.egmap", 1, lock) as keeper:
-        for message in messages:
-            pipeline.add("can0", message)
+        for _ in pipeline.updates([FrameBatch.of(messages)]):
+            pass
         pipeline.mapper.end_cycle()
         first = pipeline.mapper.epoch
         before = occupancy_percent(pipeline.mapper.map.window(-30, -40, 60, 200))

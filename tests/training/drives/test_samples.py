@@ -12,7 +12,6 @@ from tests.support import networks
 from tests.support.tiny_drives import room_drive
 from tests.support.tiny_towns import track
 
-from echogrid.can.signals import bus_of
 from echogrid.config.loading import load_config
 from echogrid.core.evidence.history_raster import CHANNELS
 from echogrid.core.evidence.raster import GridSpec
@@ -103,10 +102,8 @@ def test_images_are_those_that_the_service_shows_its_network(drive: Path, found:
     infer = pipeline.mapper.infer
     pipeline.mapper.infer = lambda around: (shown.append(model.draw(around)), infer(around))[1]
     by_stamp = {}
-    for message in Log(find_drive(drive, None).log):
-        update = pipeline.add(bus_of(message, config.bus) or "", message)
-        if update is not None:
-            by_stamp[update.ego.stamp_ns] = shown[-1]
+    for update in pipeline.updates(Log(find_drive(drive, None).log).batches()):
+        by_stamp[update.ego.stamp_ns] = shown[-1]
     for sample in found:
         np.testing.assert_array_equal(sample.image, by_stamp[sample.stamp_ns])
 
