@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import signal
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy comes: arrays are small here, and threads would wait longer than they work
 
 import pytest
 from hypothesis import settings

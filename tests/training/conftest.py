@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
-
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # networks here are tiny: threads would wait for each other longer than they work
 
 import pytest
 from tests.support.rectangles import rectangles
