@@ -23,7 +23,7 @@ from echogrid_training.evaluation.recorded.scores import Rectangle
 from echogrid_training.own import half as half_module
 from echogrid_training.own import patches as patches_module
 from echogrid_training.own.adapt import Tried, chosen
-from echogrid_training.own.calibrating import counts, crossed, fitted, read, score, scores, surely_better
+from echogrid_training.own.calibrating import counts, crossed, fitted, least_found, read, score, scores, surely_better
 from echogrid_training.own.half import Half
 from echogrid_training.own.hindsight import Judged
 from echogrid_training.own.patches import FOLDS, GUARD, Patch, keep_own
@@ -51,6 +51,25 @@ def test_a_wrong_last_step_is_put_right() -> None:
     found = fitted(part, wrong)
     assert score(other, found).cost < 0.75 * score(other, wrong).cost
     assert score(other, found).cost < 1.02 * score(other, hidden).cost
+
+
+def test_no_less_is_found_where_finding_less_would_be_cheapest() -> None:
+    """A car of which too much is called occupied, with reflections of things that it only finds for that reason; beside a grid of all numbers."""
+    start, rng = Calibration(1.0, 0.5), np.random.default_rng(5)
+    part = made_up(rng, 3000, Calibration(1.0, -1.5))
+    mean = rng.uniform(-0.5, 3.0, 300)
+    barely = np.stack((mean * 5, np.full(300, 5.0), *np.zeros((3, 300)))).astype(np.float32)
+    part = replace(part, around=np.repeat(barely[:, :, None], 5, axis=2))
+    before = score(part, start)
+    grid = [Calibration(learned, offset) for learned in np.geomspace(0.4, 4.0, 21) for offset in np.linspace(-3.5, 3.5, 29)]
+    tried = [score(part, one) for one in grid]
+    free = min(tried, key=lambda one: one.cost)
+    kept = min((one for one in tried if one.found >= before.found), key=lambda one: one.cost)
+    found = score(part, fitted(part, start))
+    assert free.found < before.found - 0.1
+    assert found.found >= before.found
+    assert free.cost < found.cost < 1.02 * kept.cost
+    assert found.cost < 0.95 * before.cost
 
 
 def test_cells_are_read_as_the_map_reads_them() -> None:
@@ -162,3 +181,18 @@ def test_a_small_gain_by_the_last_step_alone_is_not_written() -> None:
     assert chosen([first, small, learned]) is learned
     assert chosen([first, large, learned]) is large
     assert chosen([large, small, learned]) is large
+
+
+def test_what_finds_less_than_streets_alone_would_make_it_is_not_written() -> None:
+    """However cheap and however sure. Of 100 reflections a stretch, 40 and 60 are found by turns."""
+
+    def tried(less: int) -> Tried:
+        found = np.array((40, 60) * 4) - less
+        rest = (20, 1000, 500, 10, 1000, 300) if less == 0 else (0, 1000, 900, 0, 1000, 300)
+        return Tried(f"{less} of 100 less", [], Calibration(), np.array([(100, one, *rest) for one in found], dtype=float))
+
+    first, few, many = tried(0), tried(2), tried(10)
+    assert least_found(first.counts) == pytest.approx(0.5 - 1.96 * 0.1 / 8**0.5, abs=0.01)
+    assert few.better(first) == many.better(first) == 1.0
+    assert chosen([first, few]) is few
+    assert chosen([first, many]) is first

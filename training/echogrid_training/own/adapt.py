@@ -1,7 +1,7 @@
 """`echogrid-train adapt`: a model for this car, out of drives that nobody labelled.
 
 Written is what costs least on stretches that it was not fitted to: the model with its weights and its last step adapted, with its last step
-alone, or as it was where neither is surely better.
+alone, or as it was where neither is surely better, or finds less than streets alone would make it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from echogrid_training.evaluation.real import finite, named
 from echogrid_training.evaluation.recorded.drive import RealDrive
 from echogrid_training.learning.fit import positive
 from echogrid_training.own import fine_tuning
-from echogrid_training.own.calibrating import Scores, counts, crossed, fitted, scores, surely_better
+from echogrid_training.own.calibrating import Scores, counts, crossed, fitted, least_found, scores, surely_better
 from echogrid_training.own.half import driven_through, roomy
 from echogrid_training.own.measure import every_other, heard
 from echogrid_training.own.patches import FOLDS, Patch, patches
@@ -112,9 +112,12 @@ def read_anew(what: str, files: list[Path], parts: Sequence[Patch], start: Calib
 
 
 def chosen(tried: Sequence[Tried]) -> Tried:
-    """What costs least of that which is surely better than the first, by as much as it has to be; the first where nothing is."""
+    """What costs least of that which is surely better than the first, by as much as it has to be, and finds no less than the first does within
+    its interval; the first where nothing is."""
     first, *others = tried
-    worth = [one for one in others if one.scores.cost <= (1 - one.worth) * first.scores.cost and one.better(first) >= SURE]
+    least = least_found(first.counts)
+    harmless = [one for one in others if one.scores.found >= least]
+    worth = [one for one in harmless if one.scores.cost <= (1 - one.worth) * first.scores.cost and one.better(first) >= SURE]
     return min(worth, key=lambda one: one.scores.cost, default=first)
 
 
@@ -194,6 +197,7 @@ def table(tried: Sequence[Tried]) -> list[str]:
     }.items():
         rows.append(f"| {title} | {' | '.join(f'{getattr(one, name):.2%}' for one in scores)} |")
     rows.append(f"| cost of what is decided | {' | '.join(f'{one.cost:.4f}' for one in scores)} |")
+    rows.append(f"| found, at least, to be written | {least_found(tried[0].counts):.2%} |{' |' * len(tried[1:])}")
     sure = " | ".join(f"{one.better(tried[0]):.0%}" for one in tried[1:])
     rows.append(f"| draws of stretches in which it costs less | | {sure} |")
     rows.append(f"| NLL, cells | {' | '.join(f'{one.nll:.4f}, {one.cells}' for one in scores)} |")
