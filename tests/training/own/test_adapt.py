@@ -54,7 +54,7 @@ def test_a_wrong_last_step_is_put_right() -> None:
 
 
 def test_no_less_is_found_where_finding_less_would_be_cheapest() -> None:
-    """A car of which too much is called occupied, with reflections of things that it only finds for that reason; beside a grid of all numbers."""
+    """A car of which too much is called occupied, and whose reflections are only found for that reason; beside a grid of all numbers."""
     start, rng = Calibration(1.0, 0.5), np.random.default_rng(5)
     part = made_up(rng, 3000, Calibration(1.0, -1.5))
     mean = rng.uniform(-0.5, 3.0, 300)

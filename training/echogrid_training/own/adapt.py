@@ -1,7 +1,7 @@
 """`echogrid-train adapt`: a model for this car, out of drives that nobody labelled.
 
 Written is what costs least on stretches that it was not fitted to: the model with its weights and its last step adapted, with its last step
-alone, or as it was where neither is surely better, or finds less than streets alone would make it.
+alone, or as it was where neither is surely better without finding less.
 """
 
 from __future__ import annotations
@@ -112,8 +112,8 @@ def read_anew(what: str, files: list[Path], parts: Sequence[Patch], start: Calib
 
 
 def chosen(tried: Sequence[Tried]) -> Tried:
-    """What costs least of that which is surely better than the first, by as much as it has to be, and finds no less than the first does within
-    its interval; the first where nothing is."""
+    """What costs least of that which is surely better than the first, by as much as it has to be, and finds what the first does, within its
+    interval; the first where nothing is."""
     first, *others = tried
     least = least_found(first.counts)
     harmless = [one for one in others if one.scores.found >= least]

@@ -22,16 +22,16 @@ from echogrid.core.messages import Floats
 from echogrid_training.evaluation.metrics import ratio
 from echogrid_training.evaluation.recorded.scores import FREE, OCCUPIED
 from echogrid_training.own.patches import Patch
+from echogrid_training.own.worth import INTERVAL, drawn
 
-DRAWN = 400  # draws of stretches
 MOST = 60_000  # cells that are fitted to, and detections, evenly chosen
 LOWEST, HIGHEST = 0.1, 4.0  # of `learned`: a network that is not believed at all, or more than it says, is no calibration
 FARTHEST = 4.0  # of `offset` from 0
 # What is lost by a reflection that is not found, one called free, a free cell not called so, one called occupied. Beside annotated truth
 # these shares rise and fall with objects found and called free, and road called free and occupied (training/LOG.md).
 MISSED, HIDDEN, DOUBTED, PHANTOM = 1.0, 5.0, 1.0, 50.0
-# First steps, times `learned` and plus `offset`: one at a time, then both, for a search gets stuck where just as much is found as before, and
-# there they rise together.
+# First steps, times `learned` and plus `offset`: one at a time, then both, for the search gets stuck where just as much is found as before,
+# and there they rise together.
 ALONE, TOGETHER = ((1.3, 0.0), (1.0, 0.6)), ((1.4, 0.8), (1.2, 0.8))
 LESS = 1000.0  # lost on top by what is found less than before: more than anything can save
 
@@ -69,7 +69,7 @@ def fitted(part: Patch, start: Calibration) -> Calibration:
         learned, offset = numbers.tolist()
         outside = max(LOWEST - learned, learned - HIGHEST, abs(offset) - FARTHEST, 0.0)
         tried = score(part, Calibration(learned, offset))
-        return tried.cost + outside + LESS * max(0.0, least - tried.found)
+        return float(tried.cost + outside + LESS * max(0.0, least - tried.found))
 
     best = np.array((start.learned, start.offset))
     for steps in ALONE, TOGETHER:
@@ -123,19 +123,13 @@ def scores(total: Floats) -> Scores:
 
 def surely_better(before: Floats, after: Floats) -> float:
     """Share of draws of stretches in which `after` costs less; both (S, 8), `counts` of the same stretches."""
-    draws = drawn(len(before))
-    less = [scores(after[one].sum(axis=0)).cost < scores(before[one].sum(axis=0)).cost for one in draws]
+    less = [scores(after[one].sum(axis=0)).cost < scores(before[one].sum(axis=0)).cost for one in drawn(len(before))]
     return float(np.mean(less))
 
 
 def least_found(before: Floats) -> float:
     """The lower end of the middle 95 % of draws of stretches of what is found; of (S, 8), `counts` of stretches. NaN of nothing."""
-    return float(np.percentile([scores(before[one].sum(axis=0)).found for one in drawn(len(before))], 2.5))
-
-
-def drawn(stretches: int) -> NDArray[np.int64]:
-    """(DRAWN, S) their numbers, each time as many as there are; always the same."""
-    return np.random.default_rng(0).integers(0, stretches, (DRAWN, stretches))
+    return float(np.percentile([scores(before[one].sum(axis=0)).found for one in drawn(len(before))], INTERVAL[0]))
 
 
 def expected_surprise(log_odds: LogOdds, chance: NDArray[np.floating]) -> Floats:

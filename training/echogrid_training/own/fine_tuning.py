@@ -17,7 +17,7 @@ from echogrid.errors import EchogridError
 from echogrid_training.learning.dataset import Samples, find_drives, load_drives, split
 from echogrid_training.recording import Track
 
-EPOCHS, BATCH, RATE, PATIENCE, KEEP = 4, 16, 5e-4, 2, 0.0
+EPOCHS, BATCH, RATE, PATIENCE = 4, 16, 5e-4, 2
 
 
 def of_towns(folder: Path, track: Track) -> tuple[Samples, Samples]:

@@ -40,24 +40,28 @@ class Live:
     unknown: Share  # in a cell of which the map said nothing
 
 
-def live(asked: Answers, seed: int = 0) -> Live:
+def live(asked: Answers) -> Live:
     """By the published thresholds."""
     hits = asked.where(asked.hit)
     known = hits.log_odds != 0
     found, free = hits.reach > OCCUPIED, known & (hits.log_odds < FREE)
-    return Live(len(hits), *(share(one, hits.stretch, seed) for one in (found, free, ~known)))
+    return Live(len(hits), *(share(one, hits.stretch) for one in (found, free, ~known)))
 
 
-def share(true: NDArray[np.bool_], stretch: NDArray[np.int64], seed: int = 0) -> Share:
+def share(true: NDArray[np.bool_], stretch: NDArray[np.int64]) -> Share:
     """Of what is true of (N,), drawn by stretch."""
     if not len(true):
         return Share(*3 * (float("nan"),))
     _, place = np.unique(stretch, return_inverse=True)
     counts = np.stack((np.bincount(place, weights=true), np.bincount(place)))
-    draws = np.random.default_rng(seed).integers(0, counts.shape[1], (DRAWN, counts.shape[1]))
-    yes, all_ = counts[:, draws].sum(axis=-1)
+    yes, all_ = counts[:, drawn(counts.shape[1])].sum(axis=-1)
     low, high = np.percentile(yes / all_, INTERVAL)
     return Share(float(true.mean()), float(low), float(high))
+
+
+def drawn(stretches: int) -> NDArray[np.int64]:
+    """(DRAWN, S): numbers of as many stretches as there are, with repeats; always the same."""
+    return np.random.default_rng(0).integers(0, stretches, (DRAWN, stretches))
 
 
 def diagram(asked: Answers) -> Floats:
