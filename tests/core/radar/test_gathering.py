@@ -19,8 +19,8 @@ NAMES = ("a", "b", "c", "d")
 Scans = list[tuple[int, str]]  # ns, radar
 
 
-def scan(sensor: str, at_ns: int) -> RadarScan:
-    return RadarScan(sensor, at_ns, at_ns, *np.zeros((4, 1)))
+def scan(sensor: str, at_ns: int, missed: int = 0) -> RadarScan:
+    return RadarScan(sensor, at_ns, at_ns, *np.zeros((4, 1)), missed=missed)
 
 
 def times(phases: Iterable[float], period: float, until: float = 3000.0) -> Scans:
@@ -34,7 +34,7 @@ def times(phases: Iterable[float], period: float, until: float = 3000.0) -> Scan
 def cycles(scans: Scans, frames_ms: float = 10.0, awaited: Iterable[str] = NAMES) -> list[tuple[int, Scans]]:
     """When each cycle ended and what was in it, with frames of ego motion as often as said: as the mapper does it."""
     gathering, found, pending = Gathering(CYCLE, OLD), [], list[tuple[int, str]]()
-    ticks = [(round(n * frames_ms * MS), "") for n in range(int((scans[-1][0] / MS + 150) / frames_ms))]
+    ticks = [(round(n * frames_ms * MS), "") for n in range(int((scans[-1][0] / MS + 150) / frames_ms) + 2)]
     for at_ns, sensor in sorted([*scans, *ticks]):
         for news in (False, True) if sensor else (False,):
             if news:
@@ -102,8 +102,36 @@ def test_after_an_empty_cycle_a_scan_does_not_wait() -> None:
     assert all(scans == [(end_ns, "a")] for end_ns, scans in found)
 
 
+@pytest.mark.parametrize(("missed", "is_due"), [(0, False), (1, True)])
+def test_a_missed_scan_makes_no_period_longer(missed: int, is_due: bool) -> None:
+    """Scans 28 ms apart, with one missed between them: the next one comes at 42 ms, not at 56."""
+    gathering = Gathering(CYCLE, OLD)
+    gathering.hear(scan("a", 0))
+    gathering.hear(scan("a", 28 * MS, missed))
+    assert gathering.is_whole(46 * MS, ("a",)) != is_due
+
+
+def test_a_radar_of_one_scan_is_waited_for_until_that_is_too_old() -> None:
+    gathering, begin = Gathering(CYCLE, OLD), 1000
+    gathering.hear(scan("b", begin * MS))
+    for later, is_whole in ((50, False), (100, False), (150, True)):
+        gathering.end((begin + later + 6) * MS, empty=False)
+        assert gathering.begin_ns == (begin + later) * MS
+        gathering.hear(scan("a", (begin + later + 49) * MS))
+        assert gathering.is_whole((begin + later + 50) * MS, ("b",)) == is_whole
+
+
+def test_when_to_ask() -> None:
+    """A tenth before a cycle's time, when all may have come; then, where something is due, a tenth behind it."""
+    gathering = Gathering(CYCLE, OLD)
+    gathering.hear(scan("a", 0))
+    assert gathering.ask_ns == 45 * MS
+    assert not gathering.is_whole(45 * MS, ("a",))
+    assert gathering.ask_ns == gathering.latest_ns == 55 * MS
+
+
 @settings(max_examples=30)
-@given(st.lists(st.tuples(st.integers(0, 1000), st.sampled_from(NAMES)), min_size=1, max_size=80), st.sampled_from([1.0, 3.0, 7.0]))
+@given(st.lists(st.tuples(st.integers(0, 1000), st.sampled_from(NAMES)), min_size=1, max_size=80), st.sampled_from([1.0, 3.0, 7.0, 25.0]))
 def test_which_scans_are_together_does_not_depend_on_other_frames(sent: list[tuple[int, str]], frames_ms: float) -> None:
     """A recording has those that a bus's filter keeps from the service."""
     scans = sorted((at * MS, name) for at, name in sent)

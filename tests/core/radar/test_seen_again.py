@@ -12,8 +12,8 @@ from tests.support.driven import MOUNTS, STEP, Driven, Errors, follow
 from echogrid.core.messages import Floats, RadarScan
 from echogrid.core.motion.error_filter import ErrorFilter
 from echogrid.core.motion.error_model import BIAS, POSE, SCALE
-from echogrid.core.radar.seen_again import DISTORTED, MOVES, SeenAgain, compared
-from echogrid.core.radar.sightings import Pairs, pairs
+from echogrid.core.radar.seen_again import BATCH, DISTORTED, MOVES, PERIOD_NS, SeenAgain, _of_bias_alone, _whitened, compared
+from echogrid.core.radar.sightings import LATEST_NS, Pairs, pairs
 
 DEGREE = math.radians(1.0)
 
@@ -158,6 +158,57 @@ def test_what_was_taken_off_is_put_back() -> None:
         apart.append(pairs(looks, len(looks)).apart)
     assert np.abs(apart[0]).max() > 0.2
     np.testing.assert_allclose(np.abs(apart[0]), np.abs(apart[1]), atol=0.01)
+
+
+def test_a_wheel_scale_that_the_places_have_is_not_expected_of_them_again() -> None:
+    found, unknowing = one_batch()
+    knowing = ErrorFilter(tuple(MOUNTS), "driving")
+    knowing.mean[SCALE] = 0.01
+    knowing.covariance[SCALE, SCALE] = 1e-8
+    knowing.recall(knowing.keep(), same_drive=True)
+    assert knowing.scale == pytest.approx(0.01)
+    knowing.covariance[:] = unknowing.covariance
+    one, other = compared(found, unknowing), compared(found, knowing)
+    assert one is not None
+    assert other is not None
+    np.testing.assert_allclose(one[0], other[0], rtol=1e-6)
+    np.testing.assert_allclose(one[1], other[1], rtol=1e-6)
+
+
+def test_pairs_in_sigmas_are_what_the_roots_of_their_covariances_make_of_them() -> None:
+    found, _ = one_batch()
+    slope, left, density = _whitened(found, 7)
+    count = len(found.apart)
+    for n in range(0, count, 50):
+        xx, xy, yy = found.covariances[:, n]
+        covariance = np.array(((xx, xy), (xy, yy)))
+        root = np.linalg.cholesky(covariance)
+        assert density[n] == pytest.approx(1.0 / (2.0 * math.pi * math.sqrt(np.linalg.det(covariance))))
+        yaws = [found.by_yaw[n] * (radar == found.radars[n]) for radar in range(4)]
+        for column, value in enumerate((found.by_bias[n], found.by_turn[n], found.by_way[n], *yaws)):
+            np.testing.assert_allclose(root @ slope[[n, n + count], column], (value.real, value.imag), atol=1e-9)
+        np.testing.assert_allclose(root @ left[[n, n + count]], (found.apart[n].real, found.apart[n].imag), atol=1e-9)
+
+
+@pytest.mark.parametrize("known", [1e3, 1e6, 1e9])
+def test_what_is_off_in_all_batches_alike_adds_to_the_variance(known: float) -> None:
+    """With it a batch can say no more than that one share: 1 / sigma² grows to 1 / DISTORTED² and no farther."""
+    sigma = 0.3 * DEGREE
+    told = _of_bias_alone(np.diag((known, 0.0)), np.array((known * 0.002, 0.0)), np.array((sigma, 1.0)), np.array((1, 2)), 4)
+    assert told is not None
+    differs = 1.0 / DISTORTED**2 - 1.0 / sigma**2
+    expected = 1.0 / (1.0 / known + 1.0 / differs)
+    assert told[0][1, 1] == pytest.approx(expected, rel=1e-6)
+    assert told[1][1] == pytest.approx(expected * 0.002, rel=1e-6)
+    assert np.count_nonzero(told[0]) == 1
+    assert _of_bias_alone(np.eye(2), np.ones(2), np.array((DISTORTED, 1.0)), np.array((1, 2)), 4) is None
+
+
+def test_looks_that_are_too_old_to_be_compared_are_forgotten() -> None:
+    again = SeenAgain()
+    follow(street(13.0, Errors(), (1,)), again=again)
+    assert len(again._looks) > BATCH
+    assert again._looks[-1].stamp_ns - again._looks[0].stamp_ns <= LATEST_NS + BATCH * PERIOD_NS
 
 
 def one_batch() -> tuple[Pairs, ErrorFilter]:
