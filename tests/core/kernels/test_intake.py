@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from echogrid.core.kernels import reference
-from echogrid.core.kernels.plans import Plan, Plans
+from echogrid.core.kernels.plans import MOST_SIGNALS, Plan, Plans
 from echogrid.core.kernels.scans import Event, Found, Why
 
 compiled: Any = pytest.importorskip("echogrid.core.kernels.compiled", reason="no C compiler was at hand when echogrid was installed")
@@ -58,8 +58,10 @@ def assembling(random: Random, size: int) -> list[Any]:
     wrong, begins = random.random(size) < 0.05, np.arange(size, dtype=np.int64) * 8
     state = [np.zeros((4, 12), np.int64), *np.zeros((2, 4, 4), np.int64), np.zeros((4, 7, 64), np.uint8), np.zeros((4, 5), np.int64)]
     given = [np.array(known, np.int64), np.array(rules, np.int64), np.array(fields, np.int64)]
-    event = np.array([0, random.choice([-(2**63), 0]), -5, random.choice([50, 900]), size, 60, *[0] * 8])
-    room = [np.zeros((2, 13), np.int64), np.zeros((2, 3)), np.zeros((4, 16)), np.zeros(400, np.uint8)]
+    first = random.choice([-5, *received[:1], *received[: size // 2]])
+    event = np.array([0, random.choice([-(2**63), 0]), first, random.choice([50, 900]), size, 60, *[0] * 8])
+    rows, columns, bytes_ = random.integers([1, 15, 384], [6, 32, 900]).tolist()  # one cycle has room in any case
+    room = [np.zeros((rows, 13), np.int64), np.zeros((rows, 3)), np.zeros((4, columns)), np.zeros(bytes_, np.uint8)]
     frames = [received, roles, sorts, wrong, sizes, begins, data]
     return [*frames, *given, *state, *plans.arrays(), 1e9, event, *room]
 
@@ -163,6 +165,23 @@ def test_frames_of_a_socket_are_read_as_in_numpy(seed: int, size: int) -> None:
     reference.can_frames(*expected)
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize(("more", "is_refused"), [(0, False), (1, True)])
+def test_a_plan_has_at_most_so_many_signals(more: int, is_refused: bool) -> None:
+    """As many as the reader of a profile may ask for."""
+    count = MOST_SIGNALS + more
+    head = (16, 1, -1, count, 0, 0, 0, 0)
+    plans = Plans()
+    plans.add(Plan((*head, *(0, 1, 0, 8, 0) * count), (1.0, 0.0) * count))
+    arguments = identifying(np.random.default_rng(0), 9)
+    arguments[12][:, 1:3] = np.where(arguments[12][:, 1:3] < 0, -1, 0)
+    arguments[13:15] = plans.arrays()
+    if is_refused:
+        with pytest.raises(ValueError, match="belong together"):
+            compiled.identify(*arguments)
+    else:
+        compiled.identify(*arguments)
 
 
 @pytest.mark.parametrize(("case", "place"), [("identify", 11), ("identify", 9), ("assemble", 8), ("assemble", 15), ("assemble", 21)])
