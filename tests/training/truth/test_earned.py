@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 
 from echogrid.core.evidence.history import Detections, Looks, Surroundings
 from echogrid.core.evidence.raster import GridSpec
@@ -87,13 +88,49 @@ def test_no_radar_earns_what_it_never_looked_at_unless_it_detected_something_the
     assert seen[beside].all()
 
 
-def test_a_radar_that_is_turned_looks_where_it_is_turned_to() -> None:
+@pytest.mark.parametrize("yaw_deg", [130.0, 170.0, -170.0])
+def test_a_radar_that_is_turned_looks_where_it_is_turned_to(yaw_deg: float) -> None:
     """To the left and behind, by its own bearing of each cell."""
-    truth, yaw, half = np.full((SPEC.cells, SPEC.cells), -4.0, dtype=np.float32), math.radians(130.0), math.radians(30.0)
+    truth, yaw, half = np.full((SPEC.cells, SPEC.cells), -4.0, dtype=np.float32), math.radians(yaw_deg), math.radians(30.0)
     seen = earned(truth, around([(0.5, 0.2, yaw)], half_fov=half, reach=9.0), SPEC)
     x, y = CELLS[..., 0] - 0.5, CELLS[..., 1] - 0.2
     along, across = x * math.cos(yaw) + y * math.sin(yaw), -x * math.sin(yaw) + y * math.cos(yaw)  # in the radar's own frame
     inside = (np.hypot(along, across) < 8.5) & (np.hypot(along, across) > 2.0)
-    assert seen[inside & (along > 0) & (np.abs(across) < along * math.tan(half - 0.06))].all()
+    assert seen[inside & (along > 0) & (np.abs(across) < along * math.tan(half - 0.09))].all()
     assert not seen[inside & ((along < 0) | (np.abs(across) > np.abs(along) * math.tan(half + 0.2)))].any()
     assert seen.sum() > 300
+
+
+def test_evidence_hides_by_its_sign_and_what_is_unknown_hides_nothing() -> None:
+    truth, look = walls(0), around([(0.3, -0.4, 0.0)])
+    assert (earned(np.where(truth > 0, np.float32(0.3), np.float32(0.0)), look, SPEC) == earned(truth, look, SPEC)).all()
+
+
+def test_what_any_look_saw_is_earned() -> None:
+    """Of more looks than are tried, the first and the last are among those that are."""
+    truth, places = walls(1), [(0.3, -0.4, 0.0), (-6.0, 1.0, 0.4), (4.0, 7.0, -1.0)]
+    alone = [earned(truth, around([place]), SPEC) for place in places]
+    assert (earned(truth, around(places), SPEC) == alone[0] | alone[1] | alone[2]).all()
+    assert not (alone[0] == alone[1]).all()
+    far_off = (200.0, 0.0, 0.0)
+    many = earned(truth, around([places[0], *[far_off] * 60, places[1]]), SPEC)
+    assert (many == alone[0] | alone[1]).all()
+
+
+def test_a_shadow_is_as_wide_as_what_casts_it() -> None:
+    """A wall half a metre ahead has no gaps; a post's shadow behind it grows with the distance."""
+    truth = np.full((SPEC.cells, SPEC.cells), -4.0, dtype=np.float32)
+    truth[:, SPEC.cells // 2 + 2] = 4.0
+    assert not earned(truth, around([(0.0, 0.0, 0.0)]), SPEC)[40:88, SPEC.cells // 2 + 6 :].any()
+    truth[:] = -4.0
+    row, column = divmod(int(SPEC.locate(np.array(((5.0, 0.1),)))[0]), SPEC.cells)
+    truth[row, column] = 4.0
+    shadow = (~earned(truth, around([(0.0, 0.0, 0.0)]), SPEC)).sum() * SPEC.cell**2
+    assert shadow == pytest.approx(SPEC.cell / 5.0 * (15.0**2 - 5.0**2) / 2.0, rel=0.4)
+
+
+def test_a_detection_in_the_first_corner_of_the_patch_counts() -> None:
+    truth = np.full((SPEC.cells, SPEC.cells), -4.0, dtype=np.float32)
+    seen = earned(truth, around([(0.0, 0.0, 0.0)], reach=1.0, points=(CELLS[0, 0],)), SPEC)
+    assert seen[: BESIDE + 1, : BESIDE + 1].all()
+    assert seen[CELLS[..., 0] < -10.0].sum() == (BESIDE + 1) ** 2
