@@ -184,6 +184,52 @@ def test_a_plan_has_at_most_so_many_signals(more: int, is_refused: bool) -> None
         compiled.identify(*arguments)
 
 
+# A plan of two signals, two quantities and a flag: its head, the signals' places, quantities, the flag and its two numbers.
+SOUND = (16, 1, 0, 2, 2, 1, 2, 0, *(0, 1, 0, 8, 0), *(8, 1, 0, 8, 0), *(0, -1, -1, 0), *(1, 0, -1, 1), *(1, 1, 0, 2), 3, 4)
+EDGES = {2: (-1,), 8: (1024, -1024), 9: (-1,), 10: (0, 7), 11: (0, 64), 18: (1,), 19: (0,), 20: (0,), 21: (1,), 26: (0,), 28: (2,)}
+BEYOND = {0: (-1, 17), 1: (-1, 0, 2), 2: (1,), 3: (-1, 129), 4: (-1, 3), 5: (-1, 2), 6: (-1, 3), 7: (-1, 1)}
+BEYOND |= {8: (1025, -1025), 9: (0, 2), 10: (-1, 8), 11: (-1, 65)}
+BEYOND |= {18: (-1, 2), 19: (1,), 20: (1,), 21: (-1, 2), 26: (-1, 2), 28: (-1,), 29: (3,)}
+
+
+def with_plan(place: int, value: int) -> list[Any]:
+    """Frames of identify with that plan for the wheels, one number of it changed."""
+    numbers = list(SOUND)
+    numbers[place] = value
+    arguments = identifying(np.random.default_rng(0), 9)
+    arguments[12][:, 1:3] = -1
+    arguments[12][3, 1] = 0
+    arguments[13:15] = np.array(numbers, np.int64), np.ones(8)
+    return arguments
+
+
+@pytest.mark.parametrize(("place", "value"), [(place, value) for place, values in EDGES.items() for value in values])
+def test_a_plan_at_the_edge_of_its_arrays_is_read(place: int, value: int) -> None:
+    compiled.identify(*with_plan(place, value))
+
+
+@pytest.mark.parametrize(("place", "value"), [(place, value) for place, values in BEYOND.items() for value in values])
+def test_a_plan_that_reads_or_writes_beyond_is_refused(place: int, value: int) -> None:
+    with pytest.raises(ValueError, match="belong together"):
+        compiled.identify(*with_plan(place, value))
+
+
+@pytest.mark.parametrize(
+    ("array", "place", "value"),
+    [
+        *((4, 8, -1), (4, 8, 64 * 9 + 1), (8, 6, -1), (8, 6, 7)),  # where bytes begin; rows
+        *((10, (1, 0), 17), (10, (1, 1), -1), (10, (1, 3), 0), (10, (2, 0), 7)),  # checksums
+        *((12, (3, 0), 15), (12, (3, 4), 0), (12, (3, 9), 0), (12, (3, 6), 65), (12, (3, 11), 65)),  # what motion frames say
+    ],
+)
+def test_numbers_that_lead_beyond_an_array_are_refused(array: int, place: Any, value: int) -> None:
+    arguments = identifying(np.random.default_rng(0), 9)
+    compiled.identify(*arguments)
+    arguments[array][place] = value
+    with pytest.raises(ValueError, match="belong together"):
+        compiled.identify(*arguments)
+
+
 @pytest.mark.parametrize(("case", "place"), [("identify", 11), ("identify", 9), ("assemble", 8), ("assemble", 15), ("assemble", 21)])
 def test_plans_and_tables_that_reach_beyond_the_arrays_are_refused(case: str, place: int) -> None:
     """Half of the checksums' tables, of what is known, of the rules, of the plans, of the room for detections."""

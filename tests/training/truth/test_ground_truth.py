@@ -113,6 +113,8 @@ def test_labels() -> None:
     log_odds = np.array((-4.0, 0.0, np.finfo(np.float32).tiny, 3.0), dtype=np.float32)
     assert ternary(log_odds).tolist() == [-1, 0, 1, 1]
     np.testing.assert_allclose(soft(log_odds), np.tanh(log_odds / 2))
+    ones = np.array(((1.0, 0.0, -0.5),), dtype=np.float32)
+    assert TruthMap(ones, (0.0, 0.0), SPEC.cell).observed.tolist() == [[True, False, True]]
 
 
 def test_evidence_that_cancels_is_still_seen() -> None:
