@@ -10,8 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from echogrid.core.kernels import reference
+from echogrid.core.kernels.assembly import Rule, State
+from echogrid.core.kernels.frames import Head
 from echogrid.core.kernels.plans import MOST_SIGNALS, Plan, Plans
-from echogrid.core.kernels.scans import Event, Found, Why
+from echogrid.core.kernels.scans import Event, Found, Why, _Room
 
 compiled: Any = pytest.importorskip("echogrid.core.kernels.compiled", reason="no C compiler was at hand when echogrid was installed")
 Random = np.random.Generator
@@ -113,6 +115,31 @@ def test_among_the_cycles_that_are_put_together_are_whole_ones_of_all_radars() -
     assert min(said, too_many, sums) > 3
 
 
+@pytest.mark.parametrize(
+    ("is_open", "frames", "plan_at", "columns", "size", "scans", "fits"),
+    [
+        (1, 1, 0, 10, 292, 1, True),  # 4 there and 2 frames of 3; 100 bytes there, two frames and a header of 64
+        (1, 1, 0, 9, 292, 1, False),
+        (1, 1, 0, 10, 291, 1, False),
+        (1, 1, 0, 10, 292, 0, False),
+        (1, 2, 0, 10, 900, 1, False),
+        (0, 2, 0, 7, 228, 1, True),  # the next frame opens a cycle, whatever the last one had
+        (0, 2, 0, 6, 228, 1, False),
+        (0, 2, 0, 7, 227, 1, False),
+        (1, 3, -1, 4, 420, 1, True),  # detections that the caller reads take no columns
+        (1, 3, -1, 4, 419, 1, False),
+    ],
+)
+def test_room_for_the_next_frame_is_counted(
+    is_open: int, frames: int, plan_at: int, columns: int, size: int, scans: int, fits: bool
+) -> None:
+    room = _Room(np.zeros((2, 13), np.int64), np.zeros((2, 3)), np.zeros((4, columns)), np.zeros(size, np.uint8))
+    room.scans_there, room.used, room.bytes = 2 - scans, 4, 100
+    state, rule, plans = np.zeros(12, np.int64), np.zeros(15, np.int64), np.zeros(8, np.int64)
+    state[State.OPEN], state[State.FRAMES], rule[Rule.PLAN], plans[Head.EACH] = is_open, frames, plan_at, 3
+    assert room.has_for(state, rule, plans) == fits
+
+
 def identifying(random: Random, size: int) -> list[Any]:
     """Frames of two buses: of radars with and without a checksum of their own, of motion, and nobody's."""
     plans = Plans()
@@ -128,6 +155,7 @@ def identifying(random: Random, size: int) -> list[Any]:
     says = np.array([[-1, -1, -1, *none, *none]] * 7)
     says[3], says[4] = (16, wheels, -1, 15, 1, 4, 4, 0, *none), (16, wheels, yaw, *none, 3, -1, 0, 12, 1)
     says[5] = (16, -1, yaw, 7, 1, 0, 8, 1, 7, 1, 0, 8, 0)
+    known, checks, says = (np.roll(one, 4, axis=0) for one in (known, checks, says))  # the first is no radar's
     tables = random.integers(0, 4, (22, 256)).astype(np.uint64)
     tables[random.random(tables.shape) < 0.1] |= np.uint64(1 << 40)
     sizes = random.choice([16, 16, 16, 5, 64], size).astype(np.uint8)
@@ -198,7 +226,7 @@ def with_plan(place: int, value: int) -> list[Any]:
     numbers[place] = value
     arguments = identifying(np.random.default_rng(0), 9)
     arguments[12][:, 1:3] = -1
-    arguments[12][3, 1] = 0
+    arguments[12][0, 1] = 0
     arguments[13:15] = np.array(numbers, np.int64), np.ones(8)
     return arguments
 
@@ -218,8 +246,8 @@ def test_a_plan_that_reads_or_writes_beyond_is_refused(place: int, value: int) -
     ("array", "place", "value"),
     [
         *((4, 8, -1), (4, 8, 64 * 9 + 1), (8, 6, -1), (8, 6, 7)),  # where bytes begin; rows
-        *((10, (1, 0), 17), (10, (1, 1), -1), (10, (1, 3), 0), (10, (2, 0), 7)),  # checksums
-        *((12, (3, 0), 15), (12, (3, 4), 0), (12, (3, 9), 0), (12, (3, 6), 65), (12, (3, 11), 65)),  # what motion frames say
+        *((10, (5, 0), 17), (10, (5, 1), -1), (10, (5, 3), 0), (10, (6, 0), 7)),  # checksums
+        *((12, (0, 0), 15), (12, (0, 4), 0), (12, (0, 9), 0), (12, (0, 6), 65), (12, (0, 11), 65)),  # what motion frames say
     ],
 )
 def test_numbers_that_lead_beyond_an_array_are_refused(array: int, place: Any, value: int) -> None:
