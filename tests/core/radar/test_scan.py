@@ -182,6 +182,54 @@ def test_of_two_radars_each_has_its_own_cycle() -> None:
     assert (assembly.counted(), healths) == (0, [SensorHealth(), SensorHealth()])
 
 
+def together(sent: list[Sent], known: list[FrameRole], wrong: tuple[int, ...] = ()) -> tuple[Assembly, Frames, SensorHealth]:
+    """One radar of COUNTED, and frames that all count, in one batch."""
+    health, count = SensorHealth(), len(sent)
+    data = np.frombuffer(b"".join(payload.ljust(8) for _, payload, _ in sent), np.uint8)
+    sizes, is_wrong = np.array([len(payload) for _, payload, _ in sent], np.uint8), np.isin(np.arange(count), wrong)
+    roles, times = np.array([role for role, _, _ in sent]), np.array([at for _, _, at in sent])
+    assembly = Assembly([COUNTED], [health], np.array([known_row(0, role) for role in known]))
+    return assembly, Frames(times, roles, np.ones(count, np.uint8), is_wrong, sizes, np.arange(count) * 8, data), health
+
+
+def test_short_frames_and_those_with_a_wrong_checksum_are_bad() -> None:
+    short = (1, b"1", 2 * MS)
+    assembly, frames, health = together([header(1, 1), page(1, 0), short, page(1, 0), header(2, 0)], ROLES, wrong=(1, 3))
+    taken = assembly.take(frames, 0, 5, NEVER, ALWAYS)
+    assert [cycle.number for cycle in taken.cycles] == [2]
+    assert taken.lost
+    assert assembly.counted() == 3
+    assert health == SensorHealth(incomplete=1, bad_crc=2)
+    assert assembly.counted() == 0
+
+
+def test_a_frame_whose_time_is_more_than_a_second_off_is_left() -> None:
+    assembly, frames, _ = together([header(1, 0), header(2, 0, at=1000), header(3, 0, at=2001)], ROLES)
+    taken = assembly.take(frames, 0, 3, NEVER, ALWAYS)
+    assert (taken.end, taken.is_stray, taken.newest_ns) == (2, True, 1000 * MS)
+    assembly, frames, _ = together([header(1, 0), header(2, 0, at=1000), header(3, 0, at=2000)], ROLES)
+    taken = assembly.take(frames, 0, 3, NEVER, ALWAYS)
+    assert (taken.end, taken.is_stray, taken.frames) == (3, False, 3)
+
+
+def test_of_a_cycle_that_the_caller_reads_it_has_header_detections_and_age() -> None:
+    roles = [*ROLES, FrameRole(FrameKind.AGE, 2)]
+    assembly, frames, _ = together([(4, b"ag", 0), header(7, 2), page(7, 1), page(7, 0)], roles)
+    (cycle,) = assembly.take(frames, 0, 4, NEVER, ALWAYS).cycles
+    unread = cycle.unread
+    assert unread is not None
+    assert unread.header is not None
+    assert unread.age is not None
+    assert (unread.announced, unread.header.shape, unread.age.shape) == (2, (1, 64), (1, 64))
+    assert (unread.header[0, :3].tobytes(), unread.age[0, :2].tobytes()) == (bytes((7, 0, 2)), b"ag")
+    assert unread.detections[:, :2].tolist() == [[7, 0], [7, 1]]
+    assembly = Assembly([replace(CLOSED, has_header=False, cycle=NO_FIELD)], [SensorHealth()], KNOWN)
+    _, frames, _ = together([page(0, 0), end()], ROLES)
+    (cycle,) = assembly.take(frames, 0, 2, NEVER, ALWAYS).cycles
+    assert cycle.unread is not None
+    assert (cycle.unread.announced, cycle.unread.header, cycle.unread.age) == (-1, None, None)
+
+
 @given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3), st.integers(0, 2)), max_size=60))
 def test_whatever_comes_a_scan_is_whole_and_every_frame_is_accounted_for(events: list[tuple[int, int, int]]) -> None:
     health = SensorHealth()
