@@ -23,6 +23,7 @@ from echogrid.commands.replay import replay
 from echogrid.commands.showing.publish import publish
 from echogrid.errors import EchogridError
 from echogrid.logs.drive import find_drive
+from echogrid.store.tile_store import TileStore
 from echogrid.zenoh.publisher import session_config
 
 SECONDS, SPEED = 12.0, 4.0
@@ -106,6 +107,19 @@ def test_a_recording_that_nothing_is_known_of_is_refused(endpoint: str, tmp_path
     assert done.returncode == 3
     assert "none of its" in done.stderr.splitlines()[-1]
     assert not (tmp_path / "out").exists()
+
+
+def test_a_stored_map_begins_when_it_was_driven(endpoint: str, tmp_path: Path) -> None:
+    """As in a replay that sends nothing: not when it was played."""
+    drive = find_drive(published_drive(tmp_path / "drive", endpoint, 1.0), None)
+    publish(drive, tmp_path / "sent", speed=100.0, store=tmp_path / "sent.egmap")
+    replay(drive, tmp_path / "kept", store=tmp_path / "kept.egmap")
+    begun = []
+    for name in ("sent", "kept"):
+        with TileStore(tmp_path / f"{name}.egmap") as store:
+            begun += [epoch.description.begun_ns for epoch in store.epochs()]
+    assert begun == [begun[0], begun[0]]
+    assert begun[0] == pytest.approx(100e9, abs=1e9)
 
 
 def test_a_line_that_is_no_frame_costs_no_other(endpoint: str, tmp_path: Path) -> None:

@@ -139,6 +139,14 @@ def test_straight_on_it_is_not_known_what_is_wrong(tmp_path: Path) -> None:
     assert "90° off" in undecided[0].sentence
 
 
+def test_a_pose_over_zenoh_is_said_not_to_be_judged(tmp_path: Path) -> None:
+    """No recording of CAN shows it, whatever the profile of another pose would say."""
+    said, undecided = check(posed.write(tmp_path), '\n[pose]\nkey = "ins/odom"\n')
+    assert said == []
+    assert [one.code for one in undecided] == ["needs_can_pose"]
+    assert "ins/odom" in undecided[0].sentence
+
+
 def test_dead_reckoning_that_drifts_accuses_no_pose() -> None:
     """A gyro that shows 0.5 °/s too much for ten minutes; then one with the wrong sign: places and headings go the other way round."""
     time = np.arange(0.0, 600.0, 0.1)

@@ -70,6 +70,24 @@ def test_the_whole_file_is_said_to_be_whole(folder: Path, name: str) -> None:
     assert count_and_words(folder / name, b"".join(FILES[name]())) == (total(name), "")
 
 
+@pytest.mark.parametrize("name", ["a.log", "a.asc", "a.trc", "g.csv", "p.csv", "a.blf", "a.pcap", "a.pcapng", "a.db"])
+def test_times_that_no_stamp_can_hold_are_said_to_be_to_blame(tmp_path: Path, name: str) -> None:
+    """A clock of the year 2042, or milliseconds where seconds are expected."""
+    frames = [wheel_speeds(3.0, n, 2**31 + 1e8 + n / 100) for n in range(12)]
+    writers = {".log": recorded.candump, ".asc": recorded.asc, ".trc": recorded.trc, ".pcap": recorded.pcap, ".pcapng": recorded.pcapng}
+    writers |= {"g.csv": recorded.gvret, "p.csv": recorded.python_can_csv}
+    path = tmp_path / name
+    if name == "a.db":
+        said = read(path, recorded.by_python_can(tmp_path / "b.db", frames).read_bytes())[1]
+    elif name == "a.blf":
+        start = frames[0].timestamp
+        said = read(path, recorded.joined(recorded.blf([recorded.blf_frame(frame, start) for frame in frames], start)))[1]
+    else:
+        said = read(path, recorded.joined((writers.get(path.suffix) or writers[name])(frames)))[1]
+    assert "s since 1970 is after January 2038, beyond what ROS's stamps hold" in said
+    assert "2247483648." in said
+
+
 @pytest.mark.parametrize("name", FILES)
 def test_a_file_torn_anywhere_gives_the_frames_before_and_says_so(folder: Path, name: str) -> None:
     """Text that is torn between two lines is whole; torn within its last line it says that line, or that it has no end."""

@@ -131,7 +131,7 @@ def replay(
                 buses = buses_of(batch, config.bus)
                 traffic.take(batch, buses)
                 if store is not None and keeper is None:
-                    keeper = opened.enter_context(pipeline.keep(store, round(float(batch.stamps[0]) * 1e9), threading.Lock()))
+                    keeper = opened.enter_context(pipeline.keep(store, begun_ns(batch), threading.Lock()))
                 for some in _paced(batch) if realtime else (slice(None),):
                     piece, begin = batch.where(some), 0
                     if realtime:
@@ -176,6 +176,17 @@ def _recording(path: Path, pipeline: Pipeline) -> ReplayRecording:
     from echogrid.recording.replay_recording import ReplayRecording
 
     return ReplayRecording(path, pipeline)
+
+
+def begun_ns(first: FrameBatch) -> int:
+    """When the map of a recording begins, by its first frames: when it was driven, not when it is played."""
+    return round(float(first.stamps[0]) * 1e9)
+
+
+def first_ns(log: Path) -> int | None:
+    """The same of a recording that is yet to be read; None where it has no frame. Raises EchogridError where it cannot be read."""
+    first = next(Log(log).batches(), None)
+    return None if first is None else begun_ns(first)
 
 
 def in_part(torn: EchogridError, log: Log, out: Path) -> EchogridError:
@@ -226,4 +237,5 @@ def why_none(pipeline: Pipeline, traffic: Traffic) -> str:
     scans = sum(sensor.complete for sensor in pipeline.health.sensors.values())
     bad = pipeline.health.bad_frames
     said = [f"{bad} frames are bad: too short, or with a wrong checksum, counter, value or time"] if bad else []
+    said += [reason for reason in pipeline.state(0).reasons if not reason.startswith("no map yet")]
     return "; ".join([f"it has {scans} complete scans and {traffic.motion} frames of ego motion", *said, *traffic.strangers()])

@@ -103,7 +103,10 @@ class Listener:
         settings = {radar.name: f"{radar.profile} {radar.dbc}" for radar in self.config.radar}
         judgement = judge(recorded, settings)
         about_pose: list[Finding] = []
-        if not any(one.code.startswith(("speed_", "yaw_rate_sign", "yaw_rate_unit", "byte_order")) for one in judgement.findings):
+        if self.config.pose is not None and self.config.pose.key is not None:
+            sentence = f"pose: not judged: it comes over Zenoh, by {self.config.pose.key}, which CAN frames do not show"
+            judgement = replace(judgement, undecided=(*judgement.undecided, Undecided("needs_can_pose", sentence)))
+        elif not any(one.code.startswith(("speed_", "yaw_rate_sign", "yaw_rate_unit", "byte_order")) for one in judgement.findings):
             about_pose, missing = self._pose(recorded)  # else it is not the pose that is wrong
             judgement = replace(judgement, undecided=(*judgement.undecided, *missing))
         return judgement, [*about_traffic, *judgement.findings, *about_pose], replace(self.mender, moved=moved)

@@ -44,7 +44,8 @@ class Service:
     """One thread per bus receives, the caller's thread maps, one thread publishes, others keep, record and answer; none waits for another.
 
     `take` takes frames to the pipeline; a recorder may replace it. `record`: an MCAP file of the frames and of what is published.
-    `foxglove`: host and port of a live view. `workers.stop` ends the service at its next look; `reload` is called from a signal's handler.
+    `foxglove`: host and port of a live view. `begun_ns`: when the map in the store begins, if not now.
+    `workers.stop` ends the service at its next look; `reload` is called from a signal's handler.
     """
 
     def __init__(
@@ -54,6 +55,7 @@ class Service:
         *,
         record: Path | None = None,
         foxglove: tuple[str, int] | None = None,
+        begun_ns: int | None = None,
     ) -> None:
         self.pipeline = pipeline
         self.config = pipeline.config
@@ -66,7 +68,7 @@ class Service:
         self.manager = Manager(self.mapping.loop_age)
         self.keeper: TileKeeper | None = None
         self.recorder: McapRecorder | None = None
-        self._record, self._foxglove = record, foxglove
+        self._record, self._foxglove, self._begun_ns = record, foxglove, begun_ns
         self._rates = Rates()
 
     def run(self) -> None:
@@ -120,7 +122,8 @@ class Service:
         try:
             path = store_path(self.config)
             if path is not None:
-                self.keeper = opened.enter_context(self.pipeline.keep(path, time.time_ns(), self.mapping.lock))
+                begun_ns = time.time_ns() if self._begun_ns is None else self._begun_ns
+                self.keeper = opened.enter_context(self.pipeline.keep(path, begun_ns, self.mapping.lock))
                 self.workers.add("keeper", self.keeper.run)
                 learned = LearnedKeeper(path.with_suffix(LEARNED), self.config, self.pipeline.mapper.odometry.errors, self.mapping.lock)
                 self.workers.add("learned", learned.run)

@@ -105,7 +105,13 @@ def test_mistakes_are_one_sentence(car: Path, labelled: Path, tmp_path: Path, ca
         assert expected in printed.err
         assert printed.err.count("\n") == 1
     assert not out.exists()
+    shutil.copytree(labelled, tmp_path / "cars" / "still")
+    still = tmp_path / "cars" / "still" / "lidar.npz"
+    np.savez(still, stamp_ns=np.zeros(0, np.int64), offsets=np.zeros(1, np.int64), xyz_cm=np.zeros((0, 3), np.int16))
     for arguments, expected in (
+        (["label", str(tmp_path / "cars" / "still")], "lidar.npz: holds no turn of the lidar"),
+        (["label", str(tmp_path / "cars")], "cars: holds drives with a lidar, expected one of them, such as "),
+        (["label", str(tmp_path / "none")], "none: there is no such folder"),
         (["label", str(car)], "train-00000: has no lidar.npz; bring its lidar with: echogrid-train import own"),
         (["label", str(tmp_path / "empty")], "empty: has no lidar.npz; bring its lidar with: echogrid-train import own"),
     ):

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
 from echogrid.errors import EchogridError
+from echogrid.files import meant
 from echogrid.logs.drive import ENDINGS, find_drive
 from echogrid_training.evaluation.recorded.drive import hear
 from echogrid_training.labelling.clouds import Cloud, clouds
@@ -141,12 +142,19 @@ class Turn:
 
 def read_turns(drive: Path) -> list[Turn]:
     """In order of time. Raises EchogridError."""
+    if not drive.is_dir():
+        raise EchogridError(f"{drive}: there is no such folder{meant(drive)}")
     if not (drive / LIDAR).is_file():
+        held = sorted(path.parent for path in drive.glob(f"*/{LIDAR}"))
+        if held:
+            raise EchogridError(f"{drive}: holds drives with a lidar, expected one of them, such as {held[0]}")
         raise EchogridError(f"{drive}: has no {LIDAR}; bring its lidar with: echogrid-train import own")
     find_drive(drive, None)
     arrays = load_npz(drive / LIDAR, KEYS)
     offsets, points = arrays["offsets"], arrays["xyz_cm"]
     if len(offsets) != len(arrays["stamp_ns"]) + 1 or offsets[-1] != len(points):
         raise EchogridError(f"{drive / LIDAR}: its offsets do not fit its points")
+    if len(offsets) == 1:
+        raise EchogridError(f"{drive / LIDAR}: holds no turn of the lidar")
     order = np.argsort(arrays["stamp_ns"], kind="stable").tolist()
     return [Turn(int(arrays["stamp_ns"][index]), points[offsets[index] : offsets[index + 1]]) for index in order]

@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 
 from echogrid.commands.recorder import Recorder, report
-from echogrid.commands.replay import aside, in_part, nothing_known, say, true_poses, why_none
+from echogrid.commands.replay import aside, first_ns, in_part, nothing_known, say, true_poses, why_none
 from echogrid.commands.state_log import StateLog
 from echogrid.commands.terminal import progress, show_map
 from echogrid.commands.traffic import Traffic
@@ -84,7 +84,8 @@ def publish(
     recorder = Recorder(pipeline, states=StateLog(say))
     traffic = Traffic(config, pipeline.signals)
     log = Log(drive.log)
-    service = Service(pipeline, recorder.take, record=record, foxglove=foxglove)
+    begun_ns = None if store is None else first_ns(drive.log)
+    service = Service(pipeline, recorder.take, record=record, foxglove=foxglove, begun_ns=begun_ns)
     player = Player(service, log, speed=speed, see=traffic.take, on_progress=on_progress)
     service.workers.add("player", player.run)
     if on_start is not None:

@@ -10,6 +10,10 @@ from echogrid.can.intake.frames import Frame
 MOST_SHOWN = 60  # characters of a line that was not understood
 
 
+class UntimelyError(ValueError):
+    """A frame is of a time that it cannot be of."""
+
+
 @dataclass(slots=True)
 class Account:
     """Remembers what a reader found beside data frames. `faults` are errors of the file; `notes` are worth a word."""
@@ -29,9 +33,9 @@ class Account:
             self.errors += frame.is_error_frame
         return frame
 
-    def line(self, number: int, text: bytes) -> None:
-        """A line that was not understood; lines count from 1."""
-        self.lost(f"line {number}: '{_shown(text)}'")
+    def line(self, number: int, text: bytes, error: Exception | None = None) -> None:
+        """A line that was not understood; lines count from 1. `error`: why, which is told where its time alone is to blame."""
+        self.lost(f"line {number}: '{_shown(text)}'" + (f", where {error}" if isinstance(error, UntimelyError) else ""))
 
     def lost(self, what: str) -> None:
         """Anything that was not understood; `what` says where it is."""

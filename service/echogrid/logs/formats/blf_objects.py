@@ -10,7 +10,7 @@ from can.util import dlc2len
 from echogrid.can.intake.frames import ERROR, EXTENDED, REMOTE, SENT, STATE, SWITCH, FrameBatch
 from echogrid.can.intake.frames import FD as FLEXIBLE
 from echogrid.logs.formats.account import Account
-from echogrid.logs.formats.times import END_OF_TIME
+from echogrid.logs.formats.times import END_OF_TIME, TOO_LATE
 
 IS_EXTENDED = 0x80000000
 CAN, CAN2, CAN_ERROR, ERROR_EXT, FD, FD64, FD_ERROR64 = 1, 86, 2, 73, 100, 101, 104
@@ -78,7 +78,8 @@ def decode(data: bytearray, places: np.ndarray, kinds: np.ndarray, start: float,
         account.errors += len(mine) if kind in ERRORS else 0
         account.remote += int(columns.remote.sum())
     for index in np.flatnonzero(~told).tolist():
-        account.lost(f"an object of kind {kinds[index]}, {places[index]} bytes into what its container holds")
+        late = f", where {TOO_LATE.format(stamps[index])}" if stamps[index] >= END_OF_TIME else ""
+        account.lost(f"an object of kind {kinds[index]}, {places[index]} bytes into what its container holds{late}")
     short = np.flatnonzero(told & (there < sizes))
     filled = b"".join(bytes(data[begins[n] : begins[n] + there[n]]).ljust(MOST_BYTES, b"\0") for n in short.tolist())
     begins[short] = len(data) + np.arange(len(short)) * MOST_BYTES

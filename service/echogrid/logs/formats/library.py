@@ -16,7 +16,7 @@ from can.io import mf4
 
 from echogrid.can.intake.frames import FrameBatch, batches
 from echogrid.logs.formats.account import Account
-from echogrid.logs.formats.times import END_OF_TIME
+from echogrid.logs.formats.times import END_OF_TIME, TOO_LATE
 
 
 def read_sqlite(path: Path, account: Account) -> Iterator[FrameBatch]:
@@ -74,7 +74,9 @@ def checked(messages: Iterator[can.Message], account: Account) -> Iterator[can.M
     """The same. Raises ValueError for what no reader should have taken: SQLite and MCAP hold numbers that are no time, or no id."""
     for message in messages:
         if not (isinstance(message.timestamp, int | float) and abs(message.timestamp) < END_OF_TIME):
-            raise ValueError(f"the next message's time is {message.timestamp!r}")
+            late = isinstance(message.timestamp, int | float) and message.timestamp >= END_OF_TIME
+            why = f", and {TOO_LATE.format(message.timestamp)}" if late else ""
+            raise ValueError(f"the next message's time is {message.timestamp!r}{why}")
         if not (isinstance(message.arbitration_id, int) and 0 <= message.arbitration_id < 1 << 32):
             raise ValueError(f"the next message's id is {message.arbitration_id!r}")
         if not (isinstance(message.dlc, int) and 0 <= message.dlc < 256 and len(message.data) < 256):

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echogrid.can.intake.frames import Frame, FrameBatch, batches
-from echogrid.logs.formats.account import Account
+from echogrid.logs.formats.account import Account, UntimelyError
 from echogrid.logs.formats.stream import Stream, Window
-from echogrid.logs.formats.times import END_OF_TIME
+from echogrid.logs.formats.times import END_OF_TIME, TOO_LATE, timely
 
 SOCKETCAN = 227
 EFF, RTR, ERR = 0x80000000, 0x40000000, 0x20000000
@@ -51,6 +51,7 @@ def _pcap(window: Window, account: Account) -> Iterator[Frame]:
     if link != SOCKETCAN:
         raise ValueError(f"its link type is {link}, expected {SOCKETCAN} (SocketCAN)")
     record, lost, lost_at, newest, run = struct.Struct(order + "IIII"), 0, 0, 0.0, 0
+    late = ""
     while window.fill(record.size):
         seconds, fraction, size, whole = record.unpack_from(window.data)
         stamp, there, packet = seconds + fraction / unit, Account(), b""
@@ -63,11 +64,13 @@ def _pcap(window: Window, account: Account) -> Iterator[Frame]:
         frame = _frame(packet, stamp, None, there) if likely else None
         near = abs(stamp - newest) < YEAR if run else not lost
         if frame is None or not (near or ((not lost or run < 2) and _goes_on(window.data, record.size + size, record, unit, stamp))):
-            lost_at = lost_at if lost else window.at
+            if not lost:
+                lost_at = window.at
+                late = f", where {TOO_LATE.format(stamp)}" if stamp >= END_OF_TIME and size == whole else ""
             lost += len(window.take(_unlikely(window, order, unit, newest if run > 1 else 0.0)))
             continue
         if lost:
-            account.lost(f"{lost} bytes at byte {lost_at}")
+            account.lost(f"{lost} bytes at byte {lost_at}{late}")
             lost = 0
         newest, run = stamp, run + 1 if near else 1
         window.take(record.size + size)
@@ -78,7 +81,7 @@ def _pcap(window: Window, account: Account) -> Iterator[Frame]:
         account.errors += there.errors
         yield frame
     if lost or window.data:
-        account.tear(f"{lost + len(window.data)} bytes follow its last whole packet")
+        account.tear(f"{lost + len(window.data)} bytes follow its last whole packet{late if lost else ''}")
 
 
 def _unlikely(window: Window, order: str, unit: float, newest: float) -> int:
@@ -141,8 +144,9 @@ class _Blocks:
             block = bytes(window.take(size))
             try:
                 frame = self._block(block)
-            except (ValueError, struct.error, IndexError):
-                account.lost(f"a block of {size} bytes at byte {window.at - size}")
+            except (ValueError, struct.error, IndexError) as error:
+                why = f", where {error}" if isinstance(error, UntimelyError) else ""
+                account.lost(f"a block of {size} bytes at byte {window.at - size}{why}")
                 continue
             if frame is not None:
                 self.packets += 1
@@ -201,9 +205,9 @@ class _Blocks:
             if interface.link != SOCKETCAN:
                 others["packets of other interfaces"] += 1
                 return None
-            stamp = (high << 32 | low) / interface.per_second + interface.offset
-            if size > len(body) - 20 or stamp >= END_OF_TIME:
+            if size > len(body) - 20:
                 raise ValueError("no packet")
+            stamp = timely((high << 32 | low) / interface.per_second + interface.offset)
             return _told(body[20 : 20 + size], stamp, interface.name, self.account)
         elif kind == SIMPLE:
             others["packets without a time"] += 1

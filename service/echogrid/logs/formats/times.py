@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echogrid.can.intake.frames import FrameBatch
-from echogrid.logs.formats.account import Account
+from echogrid.logs.formats.account import Account, UntimelyError
 
 END_OF_TIME = 2**31  # s, either way of 1970: what ROS's stamps hold
+TOO_LATE = "{:.6f} s since 1970 is after January 2038, beyond what ROS's stamps hold"
 DATED_FROM = 631_152_000  # s: no CAN recording is from before 1990
 DISORDER = 0.05  # s: writers of several buses mix frames up by some milliseconds
 LOOK = 2000  # frames that are looked at first
@@ -68,6 +69,15 @@ class Times:
         if 0 < self.farthest_back <= DISORDER:
             said.append(f"its frames are out of order by up to {self.farthest_back * 1e3:.3f} ms")
         return said
+
+
+def timely(stamp: float) -> float:
+    """The same time, in s since 1970. Raises UntimelyError where no frame can be of it."""
+    if stamp >= END_OF_TIME:
+        raise UntimelyError(TOO_LATE.format(stamp))
+    if not stamp >= 0:
+        raise ValueError("no time")
+    return stamp
 
 
 def settled(batches: Iterator[FrameBatch], account: Account) -> Iterator[FrameBatch]:

@@ -14,7 +14,7 @@ from echogrid.can.intake.frames import Frame, FrameBatch, error_frame
 from echogrid.core.kernels.dispatch import loops
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.stream import Stream
-from echogrid.logs.formats.times import END_OF_TIME
+from echogrid.logs.formats.times import END_OF_TIME, timely
 from echogrid.logs.text.dates import seconds_of
 from echogrid.logs.text.lines import Columns, read_lines
 
@@ -56,8 +56,8 @@ def read(stream: Stream, account: Account) -> Iterator[FrameBatch]:
 def _any(line: bytes, number: int, head: _Head) -> Frame | None:
     try:
         return head.account.kind(_classic(line, head) or _fd(line, head) or _other(line, head))
-    except ValueError:
-        head.account.line(number, line)
+    except ValueError as error:
+        head.account.line(number, line, error)
     return None
 
 
@@ -94,10 +94,7 @@ class _Head:
             self._place(self._block, raw / 1e9)
             self._block = None
         self._newest_ns = raw
-        stamp = raw / 1e9 + self.origin
-        if stamp >= END_OF_TIME:
-            raise ValueError("no time")
-        return stamp
+        return timely(raw / 1e9 + self.origin)
 
     def _place(self, block: float, at: float) -> None:
         """Where a block begins at its time `at`. Times count from the head's date, which is the measurement's start, unless they do not fit

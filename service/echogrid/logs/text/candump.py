@@ -12,7 +12,7 @@ from echogrid.can.intake.frames import Frame, FrameBatch
 from echogrid.core.kernels.dispatch import loops
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.stream import Stream
-from echogrid.logs.formats.times import END_OF_TIME
+from echogrid.logs.formats.times import timely
 from echogrid.logs.text.lines import Columns, read_lines
 
 ERROR, EXTENDED = 0x20000000, 0x1FFFFFFF
@@ -52,8 +52,8 @@ def _other(line: bytes, number: int, *, account: Account) -> Frame | None:
     else:
         try:
             return account.kind(_written(line) or _shown(line))
-        except ValueError:
-            account.line(number, line)
+        except ValueError as error:
+            account.line(number, line, error)
     return None
 
 
@@ -102,9 +102,5 @@ def _stamp(text: str) -> float:
     """Seconds; of a date (`candump -t A`), which is the recorder's local time, those since 1970 as if it were UTC."""
     dated = _DATED.fullmatch(text)
     if dated is None:
-        stamp = float(text)
-    else:
-        stamp = datetime.strptime(dated[1], "%Y-%m-%d %H:%M:%S").replace(tzinfo=UTC).timestamp() + float(f"0.{dated[2]}")
-    if not 0 <= stamp < END_OF_TIME:
-        raise ValueError("no time")
-    return stamp
+        return timely(float(text))
+    return timely(datetime.strptime(dated[1], "%Y-%m-%d %H:%M:%S").replace(tzinfo=UTC).timestamp() + float(f"0.{dated[2]}"))

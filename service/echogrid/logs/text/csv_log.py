@@ -13,7 +13,7 @@ from echogrid.can.intake.frames import Frame, FrameBatch
 from echogrid.core.kernels.dispatch import loops
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.stream import Stream
-from echogrid.logs.formats.times import END_OF_TIME
+from echogrid.logs.formats.times import timely
 from echogrid.logs.text.lines import Columns, read_lines
 
 EXTENDED = 0x1FFFFFFF
@@ -55,11 +55,11 @@ class _Table:
             if is_head:
                 return None
         try:
-            frame = self._parse(line, self.account)
-        except ValueError:
-            frame = None
+            frame, why = self._parse(line, self.account), None
+        except ValueError as error:
+            frame, why = None, error
         if frame is None:
-            self.account.line(number, line)
+            self.account.line(number, line, why)
         return frame
 
 
@@ -85,8 +85,8 @@ def _python_can(line: bytes, account: Account) -> Frame | None:
     if found is None:
         return None
     time, identifier, extended, remote, error, dlc, payload = found.groups()
-    stamp, code, length, data = float(time), int(identifier, 16), int(dlc), b64decode(payload, validate=True)
-    if stamp >= END_OF_TIME or code > EXTENDED or len(data) > 64:
+    stamp, code, length, data = timely(float(time)), int(identifier, 16), int(dlc), b64decode(payload, validate=True)
+    if code > EXTENDED or len(data) > 64:
         return None
     failed, asked = error == b"1", remote == b"1"
     if not (failed or asked) and len(data) not in (length, dlc2len(length)):
@@ -103,12 +103,12 @@ def _gvret(line: bytes, account: Account) -> Frame | None:
     if found is None:
         return None
     time, identifier, extended, way, bus, count, rest = found.groups()
-    stamp = float(time) if b"." in time else int(time) / 1e6
+    stamp = timely(float(time) if b"." in time else int(time) / 1e6)
     code, length = int(identifier, 16) & ~0x80000000, int(count)
     wide = extended.lower() in (b"true", b"1")
     words = rest.split(b",")[1 : 1 + length]
     data = unhexlify(b"".join(word.zfill(2) for word in words))
-    if stamp >= END_OF_TIME or code > (EXTENDED if wide else 0x7FF) or not length == len(data) <= 64 or b"" in words:
+    if code > (EXTENDED if wide else 0x7FF) or not length == len(data) <= 64 or b"" in words:
         return None
     channel = f"can{int(bus)}"
     return Frame(stamp, code, wide, False, False, channel, length, data, length > 8, way is None or way.lower() == b"rx")

@@ -14,7 +14,7 @@ from echogrid.can.intake.frames import Frame, FrameBatch, error_frame
 from echogrid.core.kernels.dispatch import loops
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.stream import Stream
-from echogrid.logs.formats.times import END_OF_TIME
+from echogrid.logs.formats.times import timely
 from echogrid.logs.text.dates import seconds_of, seconds_of_days
 from echogrid.logs.text.lines import Columns, read_lines
 
@@ -40,8 +40,8 @@ def _any(line: bytes, number: int, *, head: _Head) -> Frame | None:
     elif text:
         try:
             return head.account.kind(_frame(text, head))
-        except (ValueError, IndexError):
-            head.account.line(number, line)
+        except (ValueError, IndexError) as error:
+            head.account.line(number, line, error)
     return None
 
 
@@ -108,9 +108,7 @@ def _frame(text: str, head: _Head) -> Frame | None:
     if (kind or way) in NO_FRAMES:
         head.account.others[NO_FRAMES[kind or way]] += 1
         return None
-    stamp = head.start + float(offset) / 1000
-    if not 0 <= stamp < END_OF_TIME:
-        raise ValueError("no time")
+    stamp = timely(head.start + float(offset) / 1000)
     if (kind or way) in ("ER", "ERROR"):
         return _error(stamp, words, head)
     if "T" in at and kind != "DT" and kind != "RR" and kind not in FD:
