@@ -31,6 +31,7 @@ from echogrid.topics.topic import (
     META,
     ODOMETRY,
     REGION,
+    RUN,
     STATUS,
     UPDATE,
     Topic,
@@ -149,6 +150,13 @@ class Client:
         """Whether the vehicle's service is running and connected, as far as anyone knows within a second."""
         tokens = self._session.liveliness().get(key(self.vehicle, ALIVE), timeout=1.0)
         return any(reply.ok is not None for reply in tokens)
+
+    def runs(self) -> set[bytes]:
+        """The services that publish as this vehicle, by the source that their grids name. Where there are several, one vehicle's name
+        stands in two configurations, and what each method returns is now of one and now of the other."""
+        tokens = self._session.liveliness().get(f"{key(self.vehicle, RUN)}/*", timeout=1.0)
+        names = (str(reply.ok.key_expr).rpartition("/")[2] for reply in tokens if reply.ok is not None)
+        return {bytes.fromhex(name) for name in names if re.fullmatch("[0-9a-f]{32}", name)}
 
     def _newest(self, topic: Topic, decode: Callable[[zenoh.Sample], T], timeout: float) -> T | None:
         return self._wait(lambda: self._next(topic, decode), timeout)

@@ -19,7 +19,7 @@ from tests.support.routers import router
 from tests.support.status import status
 from tests.support.waiting import PATIENCE, until
 
-from echogrid.client import vehicles
+from echogrid.client import Client, vehicles
 from echogrid.config.tables import Publish, Ros, Tls
 from echogrid.zenoh.publisher import Publisher
 
@@ -29,16 +29,22 @@ COMMAND = [sys.executable, "-W", "error", "-m", "echogrid", "status"]
 @contextmanager
 def published(endpoint: str, *statuses: dict[str, object], vehicle: str = "car", tls: Tls | None = None) -> Iterator[None]:
     """The statuses in turn, again and again."""
+    with Publisher(Publish(listen=(endpoint,), tls=tls), vehicle, Ros()) as publisher, sending(publisher, *statuses):
+        yield
+
+
+@contextmanager
+def sending(publisher: Publisher, *statuses: dict[str, object]) -> Iterator[None]:
+    """The statuses in turn, again and again."""
     done = threading.Event()
 
-    def publish() -> None:
-        with Publisher(Publish(listen=(endpoint,), tls=tls), vehicle, Ros()) as publisher:
-            n = 0
-            while not done.wait(0.05):
-                publisher.put(messages.status(statuses[n % len(statuses)]))
-                n += 1
+    def send() -> None:
+        n = 0
+        while not done.wait(0.05):
+            publisher.put(messages.status(statuses[n % len(statuses)]))
+            n += 1
 
-    thread = threading.Thread(target=publish)
+    thread = threading.Thread(target=send)
     thread.start()
     try:
         yield
@@ -141,6 +147,23 @@ def test_several_vehicles_are_named(endpoint: str) -> None:
         assert (done.returncode, done.stdout) == (1, "")
         assert done.stderr == f"echogrid: {endpoint}: the vehicles blue, red are there, expected one: say which with --vehicle\n"
         assert red.vehicle != blue.vehicle
+
+
+def test_two_services_of_one_name_are_told_by_all(endpoint: str) -> None:
+    """By both, as long as there are two, and by whoever looks."""
+    to_router = Publish(listen=(), connect=(endpoint,))
+    with router(endpoint), Publisher(to_router, "red", Ros()) as one, Client(endpoint, "red") as client:
+        with Publisher(to_router, "red", Ros()) as other, Publisher(to_router, "blue", Ros()) as blue:
+            assert until(one.namesake) == until(other.namesake)
+            assert "another service publishes as 'red' too" in one.namesake()[0]
+            assert not blue.namesake()
+            assert until(lambda: len(client.runs()) == 2 and client.runs()) == {one.gid, other.gid}
+            with sending(one, status()):
+                done = look(endpoint, "--vehicle", "red")
+            assert (done.returncode, done.stdout.split("\n")[0]) == (0, "red is ok")
+            assert "2 services publish as vehicle 'red'" in done.stderr
+        until(lambda: not one.namesake())
+        until(lambda: client.runs() == {one.gid})
 
 
 def test_what_a_tls_endpoint_needs_is_one_sentence() -> None:

@@ -52,6 +52,11 @@ def test_the_service_has_the_level_of_its_state(state: str, level: int) -> None:
     assert (part.level, part.message) == (level, f"{state}; radar x: this; yaw rate: that")
 
 
+def test_a_namesake_is_worth_a_warning() -> None:
+    part = diagnostics(status("ok", "vehicle: another service"), "car", 5).status[0]
+    assert (part.level, part.message) == (WARN, "ok; vehicle: another service")
+
+
 def test_a_reason_is_told_by_the_part_that_it_names() -> None:
     reasons = ("radar rear_right: silent for 1.2 s", "yaw rate: stuck", "radar rear_right: late", "bus chassis: off", "radar rear: no")
     parts = read(status("degraded", *reasons))

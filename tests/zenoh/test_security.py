@@ -33,7 +33,7 @@ from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
 from echogrid.topics.grids import Grid, decode_grid, encode_grid
 from echogrid.topics.poses import Odometry, encode_odometry
-from echogrid.topics.topic import ALIVE, FLEET, FULL, KEY, REGION, STATUS, TILE
+from echogrid.topics.topic import ALIVE, FLEET, FULL, KEY, REGION, RUN, STATUS, TILE
 from echogrid.zenoh.credentials import Credentials
 from echogrid.zenoh.pose_feed import PoseFeed
 from echogrid.zenoh.publisher import Publisher, key, session_config
@@ -510,7 +510,7 @@ def test_who_may_look_may_ask_for_anything_and_gets_what_it_may_see(port: int, w
             asked |= {str(reply.ok.key_expr) for reply in session.liveliness().get(wide, timeout=0.5) if reply.ok is not None}
         assert tokens == asked
         if node == TOKEN:
-            assert tokens == {TOKEN}
+            assert tokens == {TOKEN, key("car", f"{RUN}/{publisher.gid.hex()}")}
         elif node:
             assert len(tokens) == 1 + len(dict(topic_keys(Ros())))
         else:

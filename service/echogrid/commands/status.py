@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 import threading
 import time
@@ -14,6 +15,7 @@ from echogrid.commands.terminal import screen
 from echogrid.errors import EchogridError
 from echogrid.watching import status_text
 
+log = logging.getLogger("echogrid")
 PATIENCE = 5.0  # s: a status comes once a second, a connection may take some
 SILENT = 2.5  # s without a status: two of them did not come
 
@@ -39,6 +41,10 @@ def command(endpoint: str, vehicle: str | None, tls: tuple[Path, Path, Path] | N
                     show(status_text.silence(client.vehicle, seconds))
         document = look(client, credentials)
         show(view(document, client.vehicle))
+        if (runs := len(client.runs())) > 1:
+            log.warning(
+                f"{runs} services publish as vehicle '{client.vehicle}': this status is of one of them; give each its own `vehicle`"
+            )
     return document.get("state") == "ok"
 
 

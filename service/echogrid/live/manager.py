@@ -15,8 +15,8 @@ TURNING = 1.0  # s within which the mapping loop has to run for the watchdog
 
 
 class Manager:
-    """Remembers the state that the journal knows. The watchdog is fed by maps that were published; if none was due, because no scan
-    could be placed, by the mapping loop."""
+    """Remembers the state and the namesake that the journal knows. The watchdog is fed by maps that were published; if none was due,
+    because no scan could be placed, by the mapping loop."""
 
     def __init__(self, loop_age: Callable[[], float]) -> None:
         """`loop_age`: for how many seconds the mapping loop has not run."""
@@ -24,6 +24,7 @@ class Manager:
         self._loop_age = loop_age
         self._logged: State | None = None
         self._logged_at = time.monotonic()
+        self._namesake: tuple[str, ...] = ()
 
     def map_published(self) -> None:
         self.notifier.alive()
@@ -36,6 +37,10 @@ class Manager:
             level = logging.INFO if state.name == "ok" or self._logged is None else logging.WARNING  # at the start there is no map yet
             log.log(level, "; ".join((f"state {state.name}{before}", *state.reasons)))  # a sentence of its own, no repeat to be silenced
             self._logged, self._logged_at = state, now
+        namesake = tuple(reason for reason in state.reasons if reason.startswith("vehicle: "))
+        if namesake != self._namesake:
+            log.log(*(logging.WARNING, namesake[0]) if namesake else (logging.INFO, "vehicle: no other service has its name any more"))
+            self._namesake = namesake
         rates = status["rates"]
         texts = (f"{state.name}", f"{rates['map_hz']:.1f} maps/s, {rates['frames_hz']:.0f} frames/s", *state.reasons)
         self.notifier.status("; ".join(texts))

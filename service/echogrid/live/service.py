@@ -66,6 +66,7 @@ class Service:
         self.publishing = Publishing(Announcer(self.config, pipeline.model.why), self.mapping.outbox, self.status)
         self.mapping.listened = self.publishing.listened
         self.manager = Manager(self.mapping.loop_age)
+        self.publisher: Publisher | None = None
         self.keeper: TileKeeper | None = None
         self.recorder: McapRecorder | None = None
         self._record, self._foxglove, self._begun_ns = record, foxglove, begun_ns
@@ -91,7 +92,7 @@ class Service:
         state, health = self.mapping.state(), self.pipeline.health
         return {
             "state": state.name,
-            "reasons": state.reasons,
+            "reasons": state.reasons + (() if self.publisher is None else self.publisher.namesake()),
             "epoch": self.pipeline.mapper.epoch,
             "model": self.pipeline.model.why,
             "kernels": kernels.WHY,
@@ -128,6 +129,7 @@ class Service:
                 learned = LearnedKeeper(path.with_suffix(LEARNED), self.config, self.pipeline.mapper.odometry.errors, self.mapping.lock)
                 self.workers.add("learned", learned.run)
             publisher = opened.enter_context(Publisher(self.config.publish, self.config.vehicle, self.config.ros, self.config.pose))
+            self.publisher = publisher
             self.publishing.sinks.append(publisher)
             if self.config.pose is not None and self.config.pose.key is not None:
                 self.mapping.poses = PoseFeed(publisher.session, self.config.pose, self.pipeline.health.pose).take

@@ -17,7 +17,8 @@ def diagnostics(status: Mapping[str, Any], vehicle: str, stamp_ns: int) -> Diagn
     """`status` is what the service publishes under that name, see docs/watching.md; `stamp_ns`: when it was taken, in Unix time."""
     state, reasons = status["state"], status["reasons"]
     own = {key: value for key, value in status.items() if key not in ("state", "reasons", *OTHERS, "sensors", "buses")}
-    service = DiagnosticStatus(LEVELS[state], f"{PROGRAM}: service", "; ".join((state, *reasons)), vehicle, _texts(own))
+    level = Level.WARN if state == "ok" and about("vehicle", reasons) else LEVELS[state]  # beside a namesake the map is right
+    service = DiagnosticStatus(level, f"{PROGRAM}: service", "; ".join((state, *reasons)), vehicle, _texts(own))
     said = [f"{name}: {what}" for name in MOTION for what in about(name, reasons)]
     parts = [_part("motion", vehicle, state, said, Level.ERROR if state == "no_motion" else Level.WARN, {})]
     for name in OTHERS:

@@ -39,6 +39,7 @@ DIAGNOSTICS = Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "/diag
 META = Topic("meta", None, kept=True)
 TRINARY = Topic("grid/fused/trinary", "nav_msgs/msg/OccupancyGrid", "/echogrid/map_trinary", kept=True, rank=1)  # of each key frame
 FLEET = Topic("grid/fused/fleet", "nav_msgs/msg/OccupancyGrid", rank=3, packed=True)  # made of FULL, where somebody listens
+RUN = "alive/run"  # behind it each run of a service has a liveliness token, by its source
 ALIVE, REGION, TILE = "alive/fusion", "grid/fused/region", "grid/fused/tile"  # a liveliness token, and what is asked for
 TOPICS = (FULL, KEY, UPDATE, ODOMETRY, TRANSFORM, DETECTIONS, JUDGED, STATUS, DIAGNOSTICS, META, TRINARY)
 

@@ -14,11 +14,12 @@ import zenoh
 
 from echogrid.config import tables as config
 from echogrid.errors import EchogridError
-from echogrid.topics.topic import ALIVE, FLEET, FULL, TOPICS, Message, Topic
+from echogrid.topics.topic import ALIVE, FLEET, FULL, RUN, TOPICS, Message, Topic
 from echogrid.zenoh.access import access_control
 from echogrid.zenoh.attachment import GID_SIZE
 from echogrid.zenoh.credentials import Credentials
 from echogrid.zenoh.fleet import Fleet
+from echogrid.zenoh.namesakes import SAID, Namesakes
 from echogrid.zenoh.ros import RosNode, topic_keys, viewed
 from echogrid.zenoh.stream import Stream
 
@@ -46,7 +47,8 @@ class Publisher:
         credentials = _credentials(settings)
         given = [*(key(vehicle, names) for names in VIEWED), *viewed(ros)]
         viewers, senders = (None, None) if settings.tls is None else (settings.tls.viewers, () if pose is None else pose.senders)
-        access = access_control(given, viewers, None if pose is None else pose.key, senders)
+        runs = key(vehicle, f"{RUN}/*") if settings.connect else None  # a router of ours may be that of others
+        access = access_control(given, viewers, None if pose is None else pose.key, senders, runs)
         self._open = ExitStack()
         try:
             opened = zenoh.open(session_config(settings.listen, settings.connect, sends=True, credentials=credentials, access=access))
@@ -62,6 +64,7 @@ class Publisher:
         self._ros = RosNode(self.session, ros)
         self._fleet = Fleet(settings.fleet_hz)
         self._alive = self.session.liveliness().declare_token(key(vehicle, ALIVE))
+        self._namesakes = Namesakes(self.session, key(vehicle, "")[:-1], self.gid)
 
     def __enter__(self) -> Self:
         return self
@@ -76,6 +79,10 @@ class Publisher:
     def wants(self, topic: Topic) -> bool:
         """As of `topics.topic.Sink`."""
         return self._streams[topic].heard() or self._ros.wants(topic) or (topic is FULL and self._streams[FLEET].heard())
+
+    def namesake(self) -> tuple[str, ...]:
+        """A reason where another service publishes under our vehicle's name, else nothing. For one thread."""
+        return (SAID.format(self.vehicle),) if self._namesakes.others() else ()
 
     def put(self, message: Message) -> None:
         """To all subscribers."""
