@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
 import trustme
 from tests.support import messages
 from tests.support.routers import router
@@ -21,6 +22,7 @@ from tests.support.waiting import PATIENCE, until
 
 from echogrid.client import Client, vehicles
 from echogrid.config.tables import Publish, Ros, Tls
+from echogrid.zenoh import namesakes
 from echogrid.zenoh.publisher import Publisher
 
 COMMAND = [sys.executable, "-W", "error", "-m", "echogrid", "status"]
@@ -149,8 +151,9 @@ def test_several_vehicles_are_named(endpoint: str) -> None:
         assert red.vehicle != blue.vehicle
 
 
-def test_two_services_of_one_name_are_told_by_all(endpoint: str) -> None:
+def test_two_services_of_one_name_are_told_by_all(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """By both, as long as there are two, and by whoever looks."""
+    monkeypatch.setattr(namesakes, "PERIOD", 0.05)
     to_router = Publish(listen=(), connect=(endpoint,))
     with router(endpoint), Publisher(to_router, "red", Ros()) as one, Client(endpoint, "red") as client:
         with Publisher(to_router, "red", Ros()) as other, Publisher(to_router, "blue", Ros()) as blue:

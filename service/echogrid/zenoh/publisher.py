@@ -64,7 +64,7 @@ class Publisher:
         self._ros = RosNode(self.session, ros)
         self._fleet = Fleet(settings.fleet_hz)
         self._alive = self.session.liveliness().declare_token(key(vehicle, ALIVE))
-        self._namesakes = Namesakes(self.session, key(vehicle, "")[:-1], self.gid)
+        self._namesakes = Namesakes(self.session, key(vehicle, "")[:-1], self.gid, asks=runs is not None)
 
     def __enter__(self) -> Self:
         return self
