@@ -203,7 +203,8 @@ class Radar:
 def integer(payload: Bytes, place: Integers) -> int:
     """A signal's integer, as `signals` has it."""
     byte, step, shift, length, is_signed = place.tolist()
-    word = sum(int(payload[at]) << 8 * k for k in range(9) if 0 <= (at := byte + k * step) < len(payload))
+    data = payload.tobytes().ljust(byte + 9, b"\0")
+    word = int.from_bytes(data[byte : byte + 9], "little") if step > 0 else int.from_bytes(data[max(byte - 8, 0) : byte + 1], "big")
     value = word >> shift & ((1 << length) - 1)
     value -= (1 << length) if is_signed and value >> (length - 1) else 0
     return int((value + 2**63) % 2**64 - 2**63)

@@ -63,7 +63,8 @@ def quantities(
 
     values, integers, known = by_signal(physical), by_signal(raw), by_signal(there)
     holds = [
-        (np.isin(integers[signal], numbers[begin:end]) == bool(one_of)) & known[signal] for signal, one_of, begin, end in flags.tolist()
+        ((integers[signal, :, None] == numbers[begin:end]).any(axis=1) == bool(one_of)) & known[signal]
+        for signal, one_of, begin, end in flags.tolist()
     ]
     for value, (signal, valid, negative), (factor, offset) in zip(out, plan.tolist(), units, strict=True):
         value[:] = values[signal] * factor + offset
