@@ -31,9 +31,11 @@ def times(phases: Iterable[float], period: float, until: float = 3000.0) -> Scan
     return sorted(found)
 
 
-def cycles(scans: Scans, frames_ms: float = 10.0, awaited: Iterable[str] = NAMES) -> list[tuple[int, Scans]]:
+def cycles(
+    scans: Scans, frames_ms: float = 10.0, awaited: Iterable[str] = NAMES, gathering: Gathering | None = None
+) -> list[tuple[int, Scans]]:
     """When each cycle ended and what was in it, with frames of ego motion as often as said: as the mapper does it."""
-    gathering, found, pending = Gathering(CYCLE, OLD), [], list[tuple[int, str]]()
+    gathering, found, pending = gathering or Gathering(CYCLE, OLD), [], list[tuple[int, str]]()
     ticks = [(round(n * frames_ms * MS), "") for n in range(int((scans[-1][0] / MS + 150) / frames_ms) + 2)]
     for at_ns, sensor in sorted([*scans, *ticks]):
         for news in (False, True) if sensor else (False,):
@@ -60,6 +62,16 @@ def test_a_cycle_ends_with_the_last_scan_of_all_radars(phases: tuple[float, ...]
     assert len(found) > 35
     assert all(sorted(name for _, name in scans) == list(NAMES) for _, scans in found)
     assert all(scans[-1][0] == end_ns for end_ns, scans in found)
+
+
+def test_after_a_restart_it_is_as_new() -> None:
+    """Times that follow may be earlier: a clock that was set back begins one new map, not one after the other."""
+    scans = times((0.0, 1.0, 2.0, 3.0), 50.0, 400.0)
+    restarted = Gathering(CYCLE, OLD)
+    cycles([(at_ns + 100_000 * MS, name) for at_ns, name in scans], 1000.0, gathering=restarted)
+    restarted.restart()
+    assert vars(restarted) == vars(Gathering(CYCLE, OLD))
+    assert cycles(scans, gathering=restarted) == cycles(scans)
 
 
 def test_radars_that_fire_together_are_kept_together() -> None:
