@@ -252,6 +252,22 @@ def test_radars_on_another_bus_or_channel_are_named_with_the_line_that_mends_it(
     assert "note: ids such as 0x330 are on bus 'rear', expected on 'can0': give that bus to [[radar]] rear_right\n" in done.stdout
 
 
+def test_a_pause_of_the_recording_is_no_time_of_a_good_map(drive: Path, tmp_path: Path) -> None:
+    """The bus slept for two minutes: nobody would have called the map right meanwhile, and what was mapped is none the worse."""
+    with can.Logger(tmp_path / "pause.log") as logger:
+        for message in can.LogReader(drive / "can.log"):
+            message.timestamp += 120.0 * (message.timestamp > 102.0)
+            logger.on_message_received(message)
+    done = echogrid("replay", tmp_path / "pause.log", "-c", drive / "echogrid.toml", "--out", tmp_path / "out")
+    assert (done.returncode, done.stderr) == (0, "")
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["seconds"]["stale"] == pytest.approx(120.0, abs=1.0)
+    assert sum(summary["seconds"].values()) == pytest.approx(summary["drive_s"], abs=0.02)
+    assert [change["state"] for change in summary["changes"]] == ["ok", "stale", "ok"]
+    assert summary["changes"][1]["reason"].startswith("nothing received for 120.0")
+    assert done.stdout.index("stale: nothing received") < done.stdout.index("new map: ego motion: the first sample")
+
+
 def test_changes_of_state_are_said_and_counted(drive: Path, tmp_path: Path) -> None:
     """A radar that is silent for a second in the middle, and ego motion that is lost at the end: no map to be trusted."""
     with can.Logger(tmp_path / "faults.log") as logger:

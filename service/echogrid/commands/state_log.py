@@ -6,9 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from echogrid.core.trust.watch import State
+from echogrid.core.trust.watch import QUIET_NS, State
 
 LOOK_S = 0.1  # s of the drive between two looks
+QUIET_S = QUIET_NS * 1e-9  # without a frame, beyond which a service would call its map stale
 HARMLESS_S = 1.0  # until the first map there is none, and not every radar has been heard: that is no fault
 MOST = 500  # changes that are kept
 SAY_S, MOST_SAID = 1.0, 40  # a line a second of the drive at most, and so many in all
@@ -28,6 +29,7 @@ class StateLog:
     worst: str = "ok"
     begun: bool = False  # whether there was a map at all
     _well: bool = False  # whether it was ok at all
+    _silent: float = 0.0  # s without a frame: the recording was stopped, or the car's buses slept
     _told: str | None = None  # the state that the changes end with
     _last: State | None = None
     _looked: float | None = None  # s of the drive
@@ -39,7 +41,19 @@ class StateLog:
         return self._looked is None or time - self._looked >= LOOK_S
 
     def look(self, time: float, state: State) -> None:
-        """The state at a time of the drive; seconds count for the state that was seen last."""
+        """The state at a time of the drive; seconds count for the state that was seen last, and are stale where no frame came."""
+        self._pass(time)
+        self._note(time, state)
+
+    def _pass(self, time: float) -> None:
+        """Until then no frame came."""
+        if self._looked is None or self._last is None or time - self._looked <= QUIET_S + LOOK_S or self._last.name == "stale":
+            return
+        quiet = time - self._looked
+        self._silent += quiet - QUIET_S
+        self._note(self._looked + QUIET_S, State("stale", (f"nothing received for {quiet:.1f} s",)))
+
+    def _note(self, time: float, state: State) -> None:
         if self._looked is not None and self._last is not None and time > self._looked:
             self.seconds[self._last.name] += time - self._looked
         self._looked = time if self._looked is None else max(time, self._looked)
@@ -65,13 +79,14 @@ class StateLog:
 
     def new_map(self, time: float, why: str) -> None:
         """Another map was begun."""
+        self._pass(time)
         if len(self.maps) < MOST:
             self.maps.append({"s": round(time, 2), "why": why})
         self._tell(time, f"new map: {why}", always=True)
 
     def trusted(self) -> str | None:
         """None where the map can be trusted; else why not."""
-        whole = sum(self.seconds.values())
+        whole = sum(self.seconds.values()) - self._silent
         good = sum(self.seconds[name] for name in TRUSTED)
         if self._last is not None and self._last.name not in TRUSTED:
             return f"it ends {self._last.name}: {self._last.reasons[0]}" if self._last.reasons else f"it ends {self._last.name}"
