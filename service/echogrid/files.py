@@ -24,12 +24,40 @@ def meant(path: Path) -> str:
     return f"; did you mean {path.with_name(near[0])}?" if near else ""
 
 
+def no_file(path: Path, *names: str) -> EchogridError:
+    """What to say of a path that is none; `names`: patterns of files that a folder may hold in its place."""
+    if not path.is_dir():
+        return EchogridError(f"{path}: there is no such file{meant(path)}")
+    held = next((found for name in names for found in sorted(path.glob(name))), None)
+    return EchogridError(f"{path}: is a folder, expected a file" + (f" such as {held}" if held else ""))
+
+
+def may_be_folder(path: Path) -> None:
+    """Before work whose results go there: it is a folder that can be written, or can be made. Raises EchogridError."""
+    there = next(one for one in (path, *path.absolute().parents) if one.exists() or one.is_symlink())
+    if not there.is_dir():
+        raise EchogridError(f"{path}: is a file, expected a folder" if there == path else f"{path}: cannot be made: {there} is a file")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise EchogridError(f"{path}: cannot be written: {there} is closed to this user, or on a disk that is read-only")
+
+
+def may_be_file(path: Path) -> None:
+    """The same of a file in a folder that is there. Raises EchogridError."""
+    if path.is_dir():
+        raise EchogridError(f"{path}: is a folder, expected the name of a file")
+    if not path.parent.is_dir():
+        raise EchogridError(f"{path}: there is no folder {path.parent}")
+    may_be_folder(path.parent)
+
+
 def read(path: Path, most: int) -> bytes:
     """The file's bytes. Raises EchogridError where it cannot be read or holds more than `most`."""
     try:
         with path.open("rb") as file:
             data = file.read(most + 1)
     except OSError as error:
+        if path.is_dir():
+            raise no_file(path, f"*{path.suffix or '.toml'}") from error
         raise EchogridError(f"{path}: cannot be read: {error.strerror}{'' if path.exists() else meant(path)}") from error
     if len(data) > most:
         raise EchogridError(f"{path}: holds more than {most >> 10} KiB, which is far beyond what such a file needs")

@@ -13,12 +13,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.support import world
 from tests.support.places import DEMO, DOCS
 from tests.support.program import echogrid
 from tests.support.waiting import PATIENCE
 
 from echogrid import cli
 from echogrid.cli import _parser
+from echogrid.errors import EchogridError
 from echogrid.maps.dense_map import write_npz
 from echogrid.maps.picture import text
 from echogrid_training import cli as training
@@ -40,6 +42,34 @@ def test_a_word_that_is_nearly_one_is_guessed(arguments: tuple[str, ...], guess:
     done = echogrid(*arguments)
     assert done.returncode == 2
     assert done.stderr.strip().endswith(guess)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("replay a.log -c e.toml --out a.log", "a.log: is a file, expected a folder"),
+        ("replay a.log -c e.toml --out a.log/out", "a.log/out: cannot be made: {folder}/a.log is a file"),
+        ("replay e.toml -c a.log --out out", "a.log: is not valid TOML: "),
+        ("check a.log -c .", ".: is a folder, expected a file such as e.toml"),
+        ("check a.log -c e.toml --report none/a.html", "none/a.html: there is no folder none"),
+        ("check a.log -c e.toml --fix-out .", ".: is a folder, expected the name of a file"),
+        ("map show out", "out: is a folder, expected a file such as out/map.yaml"),
+        ("init a.log --dbc out", "out: is a folder, expected a file"),
+    ],
+)
+def test_a_file_in_place_of_a_folder_or_of_another_is_said_before_any_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: str, said: str
+) -> None:
+    """The recording, which is none, would be complained about next."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "map.yaml").touch()
+    (tmp_path / "a.log").write_text("no frame\n")
+    (tmp_path / "e.toml").write_text(world.CONFIG)
+    given = _parser().parse_args(arguments.split())
+    with pytest.raises(EchogridError) as refused:
+        given.command(given)
+    assert str(refused.value).startswith(said.format(folder=tmp_path))
 
 
 def test_a_word_that_is_near_nothing_is_not_guessed() -> None:

@@ -11,7 +11,7 @@ from echogrid.commands.mended import write_mended
 from echogrid.commands.terminal import progress
 from echogrid.config.loading import load_config
 from echogrid.errors import EchogridError
-from echogrid.files import whole
+from echogrid.files import may_be_file, whole
 from echogrid.pipeline import Pipeline
 from echogrid.zenoh.publisher import check_pose_key
 
@@ -48,6 +48,9 @@ def command(
         beside = "" if pose is None else f", and a pose from {f'bus {pose.bus}' if pose.bus else f'key {pose.key}'},"
         print(f"{config_path}: {len(config.radar)} radars and ego motion{beside} on {len(config.bus)} buses, {len(readers)} ids are read")
         return True
+    for written in (page, fix_out):
+        if written is not None:
+            may_be_file(written)
     name = log.name if log is not None else "the live buses"
     with progress(f"check {name}") as advance:
         report = (

@@ -23,7 +23,7 @@ from echogrid.commands.terminal import progress, show_map
 from echogrid.commands.traffic import Traffic
 from echogrid.config.loading import load_config
 from echogrid.errors import EchogridError, NoMapError
-from echogrid.files import named
+from echogrid.files import may_be_folder, named
 from echogrid.logs.drive import Drive, Truth, find_drive, load_truth
 from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
@@ -109,6 +109,7 @@ def replay(
     worth a word.
     """
     config = load_config(drive.config, model)
+    may_be_folder(out)
     kept = None
     if learn_first:
         kept = learn(drive.log, config, drive.config, None if on_progress is None else lambda share: on_progress(share / 2))
@@ -198,7 +199,7 @@ def _flush(keeper: TileKeeper) -> None:
     """Nothing waits for the mapping here, so a disk that cannot be written ends it."""
     keeper.flush()
     if keeper.status.state != "ok":
-        raise EchogridError(keeper.status.reason)
+        raise EchogridError(keeper.status.reason.removesuffix("; mapping continues in memory"))
 
 
 def _paced(batch: FrameBatch) -> list[slice]:

@@ -29,16 +29,23 @@ def load(path: Path, kind: type[T]) -> T:
     """The file as a `kind`. Raises EchogridError naming the file, the key, what was found and what was expected."""
     try:
         document = tomllib.loads(read(path, MOST_BYTES).decode(), parse_float=_finite)
+    except EchogridError as error:
+        raise EchogridError(f"{error}{_other(path)}") from error
     except UnicodeDecodeError as error:
-        raise EchogridError(f"{path}: is not a text file (byte {error.start} is not UTF-8)") from error
+        raise EchogridError(f"{path}: is not a text file (byte {error.start} is not UTF-8){_other(path)}") from error
     except RecursionError as error:
         raise EchogridError(f"{path}: tables or arrays are nested too deeply") from error
     except ValueError as error:  # TOMLDecodeError, and what Python says of endless numbers
-        raise EchogridError(f"{path}: is not valid TOML: {error}") from error
+        raise EchogridError(f"{path}: is not valid TOML: {error}{_other(path)}") from error
     try:
         return msgspec.convert(document, kind)
     except msgspec.ValidationError as error:
         raise EchogridError(f"{path}: {_sentence(str(error), kind, document)}") from error
+
+
+def _other(path: Path) -> str:
+    """The end of a sentence about a file that was given in place of a TOML file, such as a recording."""
+    return "" if path.suffix == ".toml" or not path.is_file() else ", expected a .toml file"
 
 
 def _finite(text: str) -> float:

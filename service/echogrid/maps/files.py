@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from echogrid.errors import EchogridError
-from echogrid.files import meant, whole
+from echogrid.files import no_file, whole
 from echogrid.maps import map_server
 from echogrid.maps.dense_map import DenseMap, read_npz
 from echogrid.store.store_file import SUFFIX, ForeignFileError, StoreError
@@ -17,7 +17,7 @@ from echogrid.store.tile_store import TileStore
 def open_store(path: Path) -> TileStore:
     """To be read, while a service writes it too. Raises EchogridError."""
     if not path.is_file():
-        raise EchogridError(f"{path}: there is no such file{meant(path)}")
+        raise no_file(path, f"*{SUFFIX}", "*.yaml", "*.npz")
     return TileStore(path)
 
 
@@ -32,7 +32,7 @@ def new_store(path: Path) -> Iterator[TileStore]:
 def read_dense(path: Path) -> DenseMap:
     """A map in another format, by the file's suffix. Raises EchogridError."""
     if not path.is_file():
-        raise EchogridError(f"{path}: there is no such file{meant(path)}")
+        raise no_file(path, f"*{SUFFIX}", "*.yaml", "*.npz")
     if path.suffix == ".npz":
         return read_npz(path)
     if path.suffix in (".yaml", ".yml"):

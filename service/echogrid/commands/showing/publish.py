@@ -18,6 +18,7 @@ from echogrid.commands.traffic import Traffic
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
 from echogrid.errors import EchogridError, NoMapError
+from echogrid.files import may_be_folder
 from echogrid.live.player import Player, on_virtual_buses
 from echogrid.live.service import Service
 from echogrid.logs.drive import Drive, find_drive
@@ -79,6 +80,7 @@ def publish(
     `foxglove` are as for `run`. It may be stopped early: the files then hold what was mapped until then. Raises EchogridError as `replay`.
     """
     config = at_the_desk(load_config(drive.config, model), store)
+    may_be_folder(out)
     pipeline = Pipeline(config, drive.config)
     truth = true_poses(drive, say)
     recorder = Recorder(pipeline, states=StateLog(say))
