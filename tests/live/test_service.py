@@ -19,7 +19,9 @@ from tests.support import world
 from tests.support.places import DEMO
 from tests.support.waiting import PATIENCE, until
 
+from echogrid import cli
 from echogrid.client import Client
+from echogrid.commands import run
 from echogrid.commands.demo import demo
 from echogrid.commands.replay import replay
 from echogrid.config.loading import load_config
@@ -154,6 +156,28 @@ def test_on_sighup_it_takes_over_what_can_change_and_refuses_the_rest(config: tu
     assert "bus: only rate_hz and window_cells of [publish] can change without a restart" in told[1]
     assert "not reloaded" in told[2]
     assert "vehicle" in told[2]
+
+
+def test_signals_while_it_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A reload that comes early ends nothing, and a stop is heard, by a container's first process too."""
+
+    def starting(*_: object) -> None:
+        os.kill(os.getpid(), signal.SIGHUP)
+        assert callable(signal.getsignal(signal.SIGTERM))
+        os.kill(os.getpid(), signal.SIGTERM)
+        raise AssertionError("it went on")
+
+    monkeypatch.setattr(run, "run", starting)
+    monkeypatch.setattr(os, "_exit", sys.exit)
+    usual = {number: signal.getsignal(number) for number in (signal.SIGHUP, signal.SIGTERM)}
+    given = cli._parser().parse_args(["run", "-c", "echogrid.toml"])
+    try:
+        with pytest.raises(SystemExit) as ended:
+            given.command(given)
+    finally:
+        for number, handler in usual.items():
+            signal.signal(number, handler)
+    assert not ended.value.code
 
 
 def test_the_last_status_says_that_it_stopped(config: tuple[Path, int]) -> None:
