@@ -328,12 +328,17 @@ def test_gvret_of_old_and_with_seconds(tmp_path: Path) -> None:
 
 def test_captures_of_something_else_are_refused_with_what_they_hold(tmp_path: Path) -> None:
     ethernet = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1) + bytes(40)
-    with pytest.raises(EchogridError, match=r"its link type is 1, expected 227 \(SocketCAN\)"):
+    with pytest.raises(EchogridError, match=r"its link type is 1 \(Ethernet\), expected 227 \(SocketCAN\)$"):
         list(logged(tmp_path, "a.pcap", ethernet))
     section = recorded.pcapng([])[0]
     interface = recorded.block(1, struct.pack("<HHI", 1, 0, 0))
-    with pytest.raises(EchogridError, match=r"its link types are 1, expected 227 \(SocketCAN\)"):
+    with pytest.raises(EchogridError, match=r"its link type is 1 \(Ethernet\), expected 227 \(SocketCAN\)$"):
         list(logged(tmp_path, "a.pcapng", section + interface))
+    everywhere = recorded.block(1, struct.pack("<HHI", 276, 0, 0))
+    with pytest.raises(
+        EchogridError, match=r"its link types are 1 \(Ethernet\), 276 \(any interface\), .*: capture the interfaces themselves"
+    ):
+        list(logged(tmp_path, "b.pcapng", section + interface + everywhere))
 
 
 def test_captures_hold_errors_and_frames_of_can_xl(tmp_path: Path) -> None:

@@ -62,6 +62,16 @@ def test_what_python_can_writes_reads_back(folder: Path, messages: list[can.Mess
     assert log.account.remote == len(kinds[3])
 
 
+def test_signals_in_place_of_frames_are_named(folder: Path) -> None:
+    """What tools of measurement write: the bus's frames were decoded, and are gone."""
+    path, stamps = folder / "signals.mf4", np.arange(0.0, 1.0, 0.1)
+    with asammdf.MDF() as file:
+        file.append([asammdf.Signal(stamps, stamps, name=name) for name in ("WheelSpeed", "YawRate")])
+        file.save(path, overwrite=True)
+    with pytest.raises(EchogridError, match=r"it holds signals such as WheelSpeed, YawRate, expected the bus's frames"):
+        list(Log(path))
+
+
 def test_a_group_that_does_not_say_how_long_its_ids_are(folder: Path) -> None:
     """Without CAN_DataFrame.IDE small ids have 11 bits."""
     mdf = asammdf.MDF(version="4.10")

@@ -37,9 +37,14 @@ def read_mf4(path: Path, account: Account) -> Iterator[FrameBatch]:
     import asammdf  # type: ignore[import-not-found,unused-ignore]  # nobody else needs it
 
     account.note(f"it was read by asammdf {asammdf.__version__}, which does not say what it leaves out")
-    reader = _mf4(path)
+    reader, found = _mf4(path), 0
     try:
-        yield from batches(checked(_with_ids(reader), account))
+        for batch in batches(checked(_with_ids(reader), account)):
+            found += len(batch)
+            yield batch
+        names = [channel.name for group in reader._mdf.groups for channel in group.channels if channel.name not in ("time", "t")]
+        if not found and names and not any(name.startswith("CAN_") for name in names):
+            raise ValueError(f"it holds signals such as {', '.join(names[:3])}, expected the bus's frames, which these were decoded from")
     finally:
         reader.stop()
 

@@ -15,6 +15,8 @@ from echogrid.logs.formats.stream import Stream, Window
 from echogrid.logs.formats.times import END_OF_TIME, TOO_LATE, timely
 
 SOCKETCAN = 227
+COOKED = {113, 276}  # of all interfaces at once, which are not told apart there
+LINKS = {1: "Ethernet"} | dict.fromkeys(COOKED, "any interface")
 EFF, RTR, ERR = 0x80000000, 0x40000000, 0x20000000
 MAGIC = {b"\xd4\xc3\xb2\xa1": ("<", 1e6), b"\xa1\xb2\xc3\xd4": (">", 1e6), b"\x4d\x3c\xb2\xa1": ("<", 1e9), b"\xa1\xb2\x3c\x4d": (">", 1e9)}
 SECTION, INTERFACE, SIMPLE, ENHANCED = 0x0A0D0D0A, 1, 3, 6
@@ -49,7 +51,7 @@ def _pcap(window: Window, account: Account) -> Iterator[Frame]:
         return
     link = struct.unpack(order + "I", head[20:])[0] & 0x0FFFFFFF
     if link != SOCKETCAN:
-        raise ValueError(f"its link type is {link}, expected {SOCKETCAN} (SocketCAN)")
+        raise ValueError(_other_link(link))
     record, lost, lost_at, newest, run = struct.Struct(order + "IIII"), 0, 0, 0.0, 0
     late = ""
     while window.fill(record.size):
@@ -154,7 +156,7 @@ class _Blocks:
         if lost or window.data:
             account.tear(f"{lost + len(window.data)} bytes follow its last whole block")
         if self.links and SOCKETCAN not in self.links:
-            raise ValueError(f"its link types are {', '.join(map(str, sorted(self.links)))}, expected {SOCKETCAN} (SocketCAN)")
+            raise ValueError(_other_link(*self.links))
 
     def _size(self) -> int:
         """Of the block that begins here; 0 where none does."""
@@ -234,6 +236,13 @@ class _Blocks:
                 found.offset = struct.unpack(self.order + "q", value)[0]
             at += 4 + size + -size % 4
         self.interfaces.append(found)
+
+
+def _other_link(*links: int) -> str:
+    """Of a capture of no CAN interface."""
+    said = ", ".join(f"{link} ({LINKS[link]})" if link in LINKS else f"{link}" for link in sorted(links))
+    how = ": capture the interfaces themselves, as with tcpdump -i can0" if COOKED & set(links) else ""
+    return f"its link type{'s are' if len(links) > 1 else ' is'} {said}, expected {SOCKETCAN} (SocketCAN){how}"
 
 
 def _is_block(code: int) -> bool:
