@@ -41,8 +41,10 @@ def may_be_folder(path: Path) -> None:
         raise EchogridError(f"{path}: cannot be written: {there} is closed to this user, or on a disk that is read-only")
 
 
-def may_be_file(path: Path) -> None:
-    """The same of a file in a folder that is there. Raises EchogridError."""
+def may_be_file(path: Path, suffix: str) -> None:
+    """The same of a file in a folder that is there; `suffix`: what its name ends in, so that it is no recording. Raises EchogridError."""
+    if path.suffix.lower() != suffix:
+        raise EchogridError(f"{path}: is not written, expected a name that ends in {suffix}")
     if path.is_dir():
         raise EchogridError(f"{path}: is a folder, expected the name of a file")
     if not path.parent.is_dir():

@@ -52,7 +52,11 @@ def test_a_word_that_is_nearly_one_is_guessed(arguments: tuple[str, ...], guess:
         ("replay e.toml -c a.log --out out", "a.log: is not valid TOML: "),
         ("check a.log -c .", ".: is a folder, expected a file such as e.toml"),
         ("check a.log -c e.toml --report none/a.html", "none/a.html: there is no folder none"),
-        ("check a.log -c e.toml --fix-out .", ".: is a folder, expected the name of a file"),
+        ("check a.log -c e.toml --report a.log", "a.log: is not written, expected a name that ends in .html"),
+        ("check a.log -c e.toml --fix-out a.log", "a.log: is not written, expected a name that ends in .toml"),
+        ("check a.log -c e.toml --fix-out folder.toml", "folder.toml: is a folder, expected the name of a file"),
+        ("init a.log --out a.log --force", "a.log: is not written, expected a name that ends in .toml"),
+        ("init a.log --out a.log/e.toml", "a.log: is a file, expected a folder"),
         ("map show out", "out: is a folder, expected a file such as out/map.yaml"),
         ("init a.log --dbc out", "out: is a folder, expected a file"),
     ],
@@ -62,7 +66,8 @@ def test_a_file_in_place_of_a_folder_or_of_another_is_said_before_any_work(
 ) -> None:
     """The recording, which is none, would be complained about next."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "out").mkdir()
+    for name in ("out", "folder.toml"):
+        (tmp_path / name).mkdir()
     (tmp_path / "out" / "map.yaml").touch()
     (tmp_path / "a.log").write_text("no frame\n")
     (tmp_path / "e.toml").write_text(world.CONFIG)

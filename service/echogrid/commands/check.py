@@ -48,9 +48,9 @@ def command(
         beside = "" if pose is None else f", and a pose from {f'bus {pose.bus}' if pose.bus else f'key {pose.key}'},"
         print(f"{config_path}: {len(config.radar)} radars and ego motion{beside} on {len(config.bus)} buses, {len(readers)} ids are read")
         return True
-    for written in (page, fix_out):
+    for written, suffix in ((page, ".html"), (fix_out, ".toml")):
         if written is not None:
-            may_be_file(written)
+            may_be_file(written, suffix)
     name = log.name if log is not None else "the live buses"
     with progress(f"check {name}") as advance:
         report = (
