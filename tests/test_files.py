@@ -8,10 +8,13 @@ from pathlib import Path
 
 import pytest
 
+from echogrid.cli import _parser
 from echogrid.commands.replay import replay
+from echogrid.errors import EchogridError
 from echogrid.files import whole
 from echogrid.logs.drive import find_drive
 from tests.support import world
+from tests.support.places import DEMO
 
 
 def written(path: Path) -> None:
@@ -42,3 +45,29 @@ def test_of_a_replay_too(tmp_path: Path, failing: str, monkeypatch: pytest.Monke
     with pytest.raises(OSError, match="No space left on device") as full:
         replay(find_drive(drive, None), tmp_path / "out", record=record)
     assert full.value.filename == str(record or tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("replay nowhere --out note", "note: is a file, expected a folder to write into"),
+        ("replay nowhere --out note/below", "note/below: cannot be made: {here}/note is a file, expected a folder to write into"),
+        ("replay nowhere --publish --out note", "note: is a file, expected a folder to write into"),
+        ("replay nowhere --store none/new.egmap", "none/new.egmap: there is no folder none to write it in"),
+        ("replay nowhere --publish --store new.map", "--store new.map: expected a name that ends with .egmap"),
+        ("demo --out note", "note: is a file, expected a folder to write into"),
+        (f"check -c {DEMO}/echogrid.toml nowhere.log --report folder", "folder: is a folder, expected the name of a file to write"),
+        (f"check -c {DEMO}/echogrid.toml nowhere.log --fix-out none/a.toml", "none/a.toml: there is no folder none to write it in"),
+    ],
+)
+def test_what_cannot_be_written_is_said_before_anything_is_read(
+    line: str, sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("note").write_text("mine")
+    Path("folder").mkdir()
+    given = _parser().parse_args(line.split())
+    with pytest.raises(EchogridError) as said:
+        given.command(given)
+    assert str(said.value) == sentence.format(here=tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["folder", "note"]

@@ -105,7 +105,7 @@ def complete(parser: argparse.ArgumentParser) -> None:
 
 def seconds(text: str) -> float:
     """How long to listen."""
-    return _between(text, 0.1, 3600, "found, expected seconds")
+    return between(text, 0.1, 3600, "found, expected seconds")
 
 
 def add_foxglove(command: argparse.ArgumentParser) -> None:
@@ -121,10 +121,11 @@ def add_foxglove(command: argparse.ArgumentParser) -> None:
 
 def speed(text: str) -> float:
     """How many times as fast."""
-    return _between(text, 0.01, 1000, "is not a speed, expected a number")
+    return between(text, 0.01, 1000, "is not a speed, expected a number")
 
 
-def _between(text: str, least: float, most: float, expected: str) -> float:
+def between(text: str, least: float, most: float, expected: str) -> float:
+    """A number of what is typed; `expected`: what else is said of it. Raises ArgumentTypeError."""
     try:
         value = float(text)
     except ValueError:

@@ -16,6 +16,7 @@ from typing import NoReturn
 from echogrid import arguments
 from echogrid.config.tables import Publish
 from echogrid.errors import EchogridError
+from echogrid.files import sentence
 from echogrid.watching import journal
 
 
@@ -36,7 +37,7 @@ def main() -> None:
         arguments.unread()
         sys.exit(141)
     except OSError as error:  # a full disk, a folder that may not be written
-        _give_up(f"{error.filename or 'the operating system says'}: {error.strerror or error}")
+        _give_up(sentence(error))
     except KeyboardInterrupt:
         sys.exit(130)
 

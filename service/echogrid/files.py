@@ -32,26 +32,6 @@ def no_file(path: Path, *names: str) -> EchogridError:
     return EchogridError(f"{path}: is a folder, expected a file" + (f" such as {held}" if held else ""))
 
 
-def may_be_folder(path: Path) -> None:
-    """Before work whose results go there: it is a folder that can be written, or can be made. Raises EchogridError."""
-    there = next(one for one in (path, *path.absolute().parents) if one.exists() or one.is_symlink())
-    if not there.is_dir():
-        raise EchogridError(f"{path}: is a file, expected a folder" if there == path else f"{path}: cannot be made: {there} is a file")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise EchogridError(f"{path}: cannot be written: {there} is closed to this user, or on a disk that is read-only")
-
-
-def may_be_file(path: Path, suffix: str) -> None:
-    """The same of a file in a folder that is there; `suffix`: what its name ends in, so that it is no recording. Raises EchogridError."""
-    if path.suffix.lower() != suffix:
-        raise EchogridError(f"{path}: is not written, expected a name that ends in {suffix}")
-    if path.is_dir():
-        raise EchogridError(f"{path}: is a folder, expected the name of a file")
-    if not path.parent.is_dir():
-        raise EchogridError(f"{path}: there is no folder {path.parent}")
-    may_be_folder(path.parent)
-
-
 def read(path: Path, most: int) -> bytes:
     """The file's bytes. Raises EchogridError where it cannot be read or holds more than `most`."""
     try:
@@ -64,6 +44,35 @@ def read(path: Path, most: int) -> bytes:
     if len(data) > most:
         raise EchogridError(f"{path}: holds more than {most >> 10} KiB, which is far beyond what such a file needs")
     return data
+
+
+def check_folder(path: Path) -> None:
+    """Before work whose results go there: it is a folder that can be written, or can be made. Raises EchogridError."""
+    there = next(one for one in (path, *path.absolute().parents) if os.path.lexists(one))
+    if not there.is_dir():
+        raise EchogridError(f"{path}: is a file, expected a folder" if there == path else f"{path}: cannot be made: {there} is a file")
+    _check_writable(path, there)
+
+
+def check_file(path: Path, suffix: str = "") -> None:
+    """The same of a file in a folder that is there; `suffix`: what its name ends in, so that it is no recording. Raises EchogridError."""
+    if not path.name.lower().endswith(suffix):
+        raise EchogridError(f"{path}: is not written, expected a name that ends in {suffix}")
+    if path.is_dir():
+        raise EchogridError(f"{path}: is a folder, expected the name of a file")
+    if not path.absolute().parent.is_dir():
+        raise EchogridError(f"{path}: there is no folder {path.parent}")
+    _check_writable(path, path if path.exists() else path.absolute().parent)
+
+
+def _check_writable(path: Path, there: Path) -> None:
+    if not os.access(there, os.W_OK | os.X_OK if there.is_dir() else os.W_OK):
+        raise EchogridError(f"{path}: cannot be written: {there} is closed to this user, or on a disk that is read-only")
+
+
+def sentence(error: OSError) -> str:
+    """What is said of an error of the operating system, which names no file where one was being written."""
+    return f"{error.filename or 'the operating system says'}: {error.strerror or error}"
 
 
 @contextmanager

@@ -84,6 +84,7 @@ def test_a_word_that_is_near_nothing_is_not_guessed() -> None:
 def test_a_model_that_is_nearly_one_is_guessed(tmp_path: Path) -> None:
     done = echogrid("replay", DEMO, "--model", "papr", "--out", tmp_path)
     assert done.returncode == 1
+    assert done.stderr.startswith("echogrid: --model: 'papr' found")
     assert done.stderr.strip().endswith("did you mean 'paper'?")
 
 

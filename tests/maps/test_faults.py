@@ -69,6 +69,8 @@ def both(folder: Path, name: str) -> list[Input]:
     [
         (lambda p: info(p / "no.egmap"), "no.egmap: there is no such file"),
         (lambda p: info(p / "noise.egmap"), "noise.egmap: "),
+        (lambda p: info(p), ": is a folder, expected a map, such as "),
+        (lambda p: show(p), ": is a folder, expected a map, such as "),
         (lambda p: show(p / "map.tif"), "map.tif: no map format has its suffix: expected .egmap, .npz, or the .yaml of a map_server map"),
         (lambda p: show(p / "map.npz", epoch=2), "map.npz: has no epochs, and --epoch 2 is given"),
         (lambda p: show(p / "car.egmap", epoch=7), "car.egmap: epoch 7 is not there, found 1, 3"),
@@ -93,7 +95,7 @@ def both(folder: Path, name: str) -> list[Input]:
         (lambda p: parse_box("1,2,0,3"), "--bbox: found '1,2,0,3', expected"),
         (lambda p: parse_box("1,2,inf,3"), "--bbox: found '1,2,inf,3', expected"),
         (lambda p: import_map(p / "map.npz", p / "a.npz"), "a.npz: expected a name that ends with .egmap"),
-        (lambda p: import_map(p / "car.egmap", p / "a.egmap"), "car.egmap: no map format has its suffix"),
+        (lambda p: import_map(p / "car.egmap", p / "a.egmap"), "car.egmap: is a store already, expected .npz"),
         (
             lambda p: import_map(p / "unknown.npz", p / "a.egmap"),
             "unknown.npz: no cell of the map is known, so there is nothing to import",

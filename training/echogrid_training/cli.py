@@ -14,8 +14,9 @@ from rich.console import Console
 from rich.progress import Progress, track
 
 from echogrid.arguments import Parser as Guessing
-from echogrid.arguments import complete, unread
+from echogrid.arguments import between, complete, unread
 from echogrid.errors import EchogridError
+from echogrid.files import check_file, sentence
 from echogrid_training import importing
 from echogrid_training.drives import campaign, demo, inspect_drive
 from echogrid_training.drives.drive import check_free, write_drive
@@ -90,7 +91,7 @@ def main(arguments: list[str] | None = None) -> int:
         unread()
         return 141
     except OSError as error:
-        print(f"{error.filename}: {error.strerror}", file=sys.stderr)
+        print(sentence(error), file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         return 130
@@ -184,10 +185,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _seconds(text: str) -> float:
-    number = float(text)
-    if not 5.0 <= number <= 600.0:
-        raise argparse.ArgumentTypeError(f"{number:g} s found, expected 5 to 600")
-    return number
+    return between(text, 5, 600, "found, expected seconds")
 
 
 def _import(options: argparse.Namespace) -> None:
@@ -277,6 +275,9 @@ def _adapt(options: argparse.Namespace) -> None:
 
 
 def _report(options: argparse.Namespace) -> None:
+    if options.into is not None:
+        check_file(options.into)
+        report.around(options.into)
     real = report.recorded(options.nuscenes, options.radarscenes, options.astyx, options.kitti)
     sims = report.simulated_drives(options.drives, options.seconds, options.workers, _tracked())
     table = report.table(real, sims)

@@ -9,6 +9,7 @@ from functools import partial
 from typing import TypeVar
 
 from echogrid.errors import EchogridError
+from echogrid.files import sentence
 from echogrid.maps.cluster import cluster
 from echogrid_training.recording import Track
 
@@ -37,7 +38,7 @@ def _tried(work: Callable[[Job], str], job: Job) -> Outcome:
     except EchogridError as error:
         return False, str(error)
     except OSError as error:
-        return False, f"{error.filename}: {error.strerror}"
+        return False, sentence(error)
 
 
 def _outcomes(work: Callable[[Job], Outcome], jobs: Sequence[Job], workers: int, scheduler: str | None) -> Iterator[Outcome]:

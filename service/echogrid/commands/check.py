@@ -11,7 +11,7 @@ from echogrid.commands.mended import write_mended
 from echogrid.commands.terminal import progress
 from echogrid.config.loading import load_config
 from echogrid.errors import EchogridError
-from echogrid.files import may_be_file, whole
+from echogrid.files import check_file, whole
 from echogrid.pipeline import Pipeline
 from echogrid.zenoh.publisher import check_pose_key
 
@@ -50,7 +50,7 @@ def command(
         return True
     for written, suffix in ((page, ".html"), (fix_out, ".toml")):
         if written is not None:
-            may_be_file(written, suffix)
+            check_file(written, suffix)
     name = log.name if log is not None else "the live buses"
     with progress(f"check {name}") as advance:
         report = (

@@ -27,6 +27,7 @@ from echogrid.core.evidence.raster import rasterize
 from echogrid.core.map.occupancy import OccupancyMap
 from echogrid.core.map.tiled_map import LogOdds
 from echogrid.errors import EchogridError
+from echogrid.files import check_folder
 from echogrid.live.player import Player, on_virtual_buses
 from echogrid.live.service import Service
 from echogrid.logs.drive import Drive, TrueMap, find_drive, load_truth
@@ -40,6 +41,7 @@ DRIVEN = 0.75  # of the whole: what comes after is the picture beside the others
 
 def command(out: Path, model: str | None, *, as_json: bool) -> None:
     """A progress bar, then the map where a terminal shows it, and the summary in words, or as JSON alone. The rest is as in `demo`."""
+    check_folder(out)
     with progress("the demo drive, through the service") as advance:
         summary = demo(out, model, advance)
     if as_json:

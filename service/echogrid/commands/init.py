@@ -13,7 +13,7 @@ from echogrid.commands.judged import Report, check_log
 from echogrid.commands.terminal import part, progress
 from echogrid.config.loading import load_config
 from echogrid.errors import EchogridError
-from echogrid.files import may_be_folder, whole
+from echogrid.files import check_file, whole
 from echogrid.logs.log import Log
 from echogrid.surveying.heard import Heard
 from echogrid.surveying.proposal import Proposal, propose
@@ -37,9 +37,7 @@ def command(log: Path, dbcs: Sequence[Path], out: Path, *, force: bool, as_json:
 
     Raises EchogridError where a file cannot be read or is there already.
     """
-    if out.suffix.lower() != ".toml":
-        raise EchogridError(f"{out}: is not written, expected a name that ends in .toml")
-    may_be_folder(out.parent)
+    check_file(out, ".toml")
     if out.exists() and not force:
         raise EchogridError(f"{out}: is there already; give another --out, or --force to replace it")
     sources = [Source(path, Dbc(path, path).database) for path in dbcs]

@@ -159,7 +159,7 @@ def report(summary: dict[str, Any], out: Path, *, as_json: bool = False) -> None
     faster = summary["drive_s"] / max(summary["wall_s"], 1e-9)
     scans = sum(counts["complete"] for counts in summary["scans"].values())
     print(f"{summary['drive_s']:.1f} s and {summary['distance_m']:.0f} m driven, {scans} scans in {summary['cycles']} map updates")
-    print(f"{summary['wall_s']:.1f} s on this machine ({faster:.0f} times as fast), {summary['cycle_ms']['p50']:.1f} ms per update")
+    print(f"{summary['wall_s']:.1f} s on this machine, {faster:.1f} times the drive's pace; {summary['cycle_ms']['p50']:.1f} ms per update")
     if "trajectory_rmse_m" in summary:
         print(f"dead reckoning is {summary['trajectory_rmse_m']:.2f} m RMSE from the true positions")
     states = [f"{name} {seconds:.1f} s" for name, seconds in summary["seconds"].items() if seconds]

@@ -23,11 +23,12 @@ from echogrid.commands.terminal import progress, show_map
 from echogrid.commands.traffic import Traffic
 from echogrid.config.loading import load_config
 from echogrid.errors import EchogridError, NoMapError
-from echogrid.files import may_be_folder, named
+from echogrid.files import check_file, check_folder, named
 from echogrid.logs.drive import Drive, Truth, find_drive, load_truth
 from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
-from echogrid.store.tile_keeper import TileKeeper
+from echogrid.store.store_file import SUFFIX
+from echogrid.store.tile_keeper import GOES_ON, TileKeeper
 
 if TYPE_CHECKING:
     from echogrid.recording.replay_recording import ReplayRecording
@@ -75,6 +76,13 @@ def command(
     return summary["not_to_be_trusted"] is None
 
 
+def check_outputs(out: Path, store: Path | None) -> None:
+    """Raises EchogridError where what is asked for cannot be written, before the recording is gone through."""
+    check_folder(out)
+    if store is not None:
+        check_file(store, SUFFIX)
+
+
 def say(line: str) -> None:
     """On the terminal, while a progress bar may stand there."""
     print(line, flush=True)
@@ -109,7 +117,7 @@ def replay(
     worth a word.
     """
     config = load_config(drive.config, model)
-    may_be_folder(out)
+    check_outputs(out, store)
     kept = None
     if learn_first:
         kept = learn(drive.log, config, drive.config, None if on_progress is None else lambda share: on_progress(share / 2))
@@ -199,7 +207,7 @@ def _flush(keeper: TileKeeper) -> None:
     """Nothing waits for the mapping here, so a disk that cannot be written ends it."""
     keeper.flush()
     if keeper.status.state != "ok":
-        raise EchogridError(keeper.status.reason.removesuffix("; mapping continues in memory"))
+        raise EchogridError(keeper.status.reason.removesuffix(GOES_ON))
 
 
 def _paced(batch: FrameBatch) -> list[slice]:

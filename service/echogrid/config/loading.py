@@ -16,6 +16,7 @@ from echogrid.core.map.look_map import LookMap
 from echogrid.core.map.occupancy import OccupancyMap
 from echogrid.core.map.tile import MOST_RADARS, most_tiles_along
 from echogrid.errors import EchogridError
+from echogrid.files import meant
 
 BUMPER = 0.2  # m: how far outside the outline a radar may sit, behind a bumper
 
@@ -27,6 +28,7 @@ def load_config(path: Path, model: str | None = None) -> Config:
     """
     config = load(path, Config)
     if model is not None:
+        _check_model(model)
         path_or_name = str(Path(model).resolve()) if model.endswith(".onnx") else model
         config = msgspec.structs.replace(config, model=path_or_name, model_sha256=None)
     if config.publish.tls is not None:
@@ -40,6 +42,18 @@ def load_config(path: Path, model: str | None = None) -> Config:
     if problem is not None:
         raise EchogridError(f"{path}: {problem}")
     return config
+
+
+def _check_model(model: str) -> None:
+    """What was typed, so that the file's own key is not blamed."""
+    if model not in NAMED and not model.endswith(".onnx"):
+        raise EchogridError(f"--model: {_no_model(model)}")
+    if model not in NAMED and not Path(model).is_file():
+        raise EchogridError(f"--model: {model}: there is no such file{meant(Path(model))}")
+
+
+def _no_model(model: str) -> str:
+    return f"'{model}' found, expected {', '.join(NAMED)}, or the path of an .onnx file{_near(model, NAMED)}"
 
 
 def _problems(config: Config) -> Iterator[str]:
@@ -69,7 +83,7 @@ def _problems(config: Config) -> Iterator[str]:
     if config.motion.bus not in buses:
         yield f"motion.bus: no [[bus]] is named '{config.motion.bus}', found {known}"
     if config.model not in NAMED and not config.model.endswith(".onnx"):
-        yield f"model: '{config.model}' found, expected {', '.join(NAMED)}, or the path of an .onnx file{_near(config.model, NAMED)}"
+        yield f"model: {_no_model(config.model)}"
     if config.model in NAMED and config.model_sha256 is not None:
         yield f"model_sha256: given for '{config.model}', expected beside the path of an .onnx file: shipped files are checked anyway"
     if config.model == "analytic" and config.map.fusion == "looks":

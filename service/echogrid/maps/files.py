@@ -37,6 +37,8 @@ def read_dense(path: Path) -> DenseMap:
         return read_npz(path)
     if path.suffix in (".yaml", ".yml"):
         return map_server.read(path)
+    if path.suffix == SUFFIX:
+        raise EchogridError(f"{path}: is a store already, expected .npz, or the .yaml of a map_server map")
     raise EchogridError(f"{path}: no map format has its suffix: expected {SUFFIX}, .npz, or the .yaml of a map_server map")
 
 

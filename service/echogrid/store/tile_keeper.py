@@ -23,6 +23,7 @@ log = logging.getLogger("echogrid")
 WAIT = 0.1  # s: a thread looks this often whether it is to end
 MOST_WAITING = 64  # tiles without room in memory that wait for the disk
 AT_ONCE = 32  # tiles that are copied to be written together
+GOES_ON = "; mapping continues in memory"
 Waiting = dict[tuple[int, TileKey], Tile]  # by epoch
 
 
@@ -111,7 +112,7 @@ class TileKeeper:
         except (StoreError, ForeignFileError) as error:
             self.status.failed += 1
             self._close_writer()
-            self._tell(error.state if isinstance(error, StoreError) else "failed", f"{error}; mapping continues in memory")
+            self._tell(error.state if isinstance(error, StoreError) else "failed", f"{error}{GOES_ON}")
         else:
             most = (
                 f"{self.path}: the running map alone needs more than store.max_mib, {self.max_bytes >> 20} MiB: its oldest tiles are lost"

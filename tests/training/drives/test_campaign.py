@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
+from tests.support.recordings import make_recording
 
 from echogrid.commands.replay import replay
 from echogrid.config.loading import load_config
@@ -51,6 +53,21 @@ def test_one_worker_makes_what_two_made_and_goes_on_where_a_killed_run_was(drive
     (out / ".train-00001.partial").mkdir()  # what a kill leaves behind
     assert campaign.run(PLAN, out, workers=1, on_done=lambda _: None) == 1
     assert digest(out) == digest(drives)
+
+
+def test_no_drive_is_ever_without_the_note_of_what_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C right behind a drive: other settings do not go on among its drives. A note without any drive binds nobody."""
+
+    def stopped(name: str) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(campaign, "simulate", lambda *_: (make_recording(), None))
+    with pytest.raises(KeyboardInterrupt):
+        campaign.run(PLAN, tmp_path, 1, on_done=stopped)
+    with pytest.raises(EchogridError, match="holds a campaign with seconds 5"):
+        campaign.run(replace(PLAN, seconds=6.0), tmp_path, 1, lambda _: None)
+    shutil.rmtree(tmp_path / "train-00000")
+    assert campaign.run(replace(PLAN, seconds=6.0, towns=1), tmp_path, 1, lambda _: None) == 1
 
 
 def test_more_towns_are_added_and_another_campaign_is_refused(drives: Path) -> None:

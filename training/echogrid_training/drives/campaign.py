@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
@@ -14,6 +15,7 @@ import msgspec
 import numpy as np
 
 from echogrid.errors import EchogridError
+from echogrid.files import check_folder
 from echogrid_training.drives.drive import check_free, write_drive
 from echogrid_training.drives.lidar_writer import write_lidar
 from echogrid_training.drives.simulate import simulate
@@ -59,32 +61,40 @@ def run(campaign: Campaign, out: Path, workers: int, on_done: Callable[[str], No
 
     Raises EchogridError where the folder holds another campaign, or a drive cannot be written: what was finished stays usable.
     """
+    check_folder(out)
     _compare(campaign, out)
     missing = [index for index in range(campaign.towns) if not (out / campaign.name(index)).is_dir()]
     if workers <= 1:
         names = (make(campaign, index, out) for index in missing)
-        return _count(names, campaign, out, on_done)
+        return _count(names, on_done)
     # Spawned, not forked: a fork of a process with threads may never come up.
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
         pending = [pool.submit(make, campaign, index, out) for index in missing]
         try:
-            return _count((done.result() for done in as_completed(pending)), campaign, out, on_done)
+            return _count((done.result() for done in as_completed(pending)), on_done)
         except BaseException:
             pool.shutdown(wait=True, cancel_futures=True)
             raise
 
 
-def _count(names: Iterable[str], campaign: Campaign, out: Path, on_done: Callable[[str], None]) -> int:
-    """Notes the campaign in its folder when the first drive is there: one that never came to a drive leaves no trace."""
+def _count(names: Iterable[str], on_done: Callable[[str], None]) -> int:
     count = 0
     for name in names:
         count += 1
-        try:
-            (out / PLAN).write_bytes(msgspec.json.encode(asdict(campaign)))
-        except OSError as error:
-            raise EchogridError(f"{out / PLAN}: cannot be written: {error.strerror}") from error
         on_done(name)
     return count
+
+
+def _note(campaign: Campaign, out: Path) -> None:
+    """Says in the folder what its drives are; by each process, before a drive of its appears, so that none is ever without."""
+    draft = out / f".{PLAN}.{os.getpid()}.partial"
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        draft.write_bytes(msgspec.json.encode(asdict(campaign)))
+        draft.replace(out / PLAN)
+    except OSError as error:
+        draft.unlink(missing_ok=True)
+        raise EchogridError(f"{out / PLAN}: cannot be written: {error.strerror}") from error
 
 
 def make(campaign: Campaign, index: int, out: Path) -> str:
@@ -103,6 +113,7 @@ def make(campaign: Campaign, index: int, out: Path) -> str:
     else:
         recording, truth = simulate(town, SENSORS[campaign.sensors](seed, campaign.family))
     beside = partial(write_lidar, town) if campaign.lidar else None
+    _note(campaign, out)
     write_drive(recording, folder, seed=seed, truth_map=truth, beside=beside)
     return folder.name
 
@@ -118,6 +129,8 @@ def _compare(campaign: Campaign, out: Path) -> None:
         raise EchogridError(f"{plan}: cannot be read: {error.strerror}") from error
     except msgspec.DecodeError as error:
         raise EchogridError(f"{plan}: does not note a campaign: {error}") from error
+    if next(out.glob(f"{noted.family}-*"), None) is None:  # it never came to a drive
+        return
     if noted.like != campaign.like:
         raise EchogridError(
             f"{plan}: the folder holds a campaign with other radars (--like), expected the same drives: give another folder"

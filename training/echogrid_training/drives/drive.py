@@ -24,6 +24,7 @@ import numpy as np
 from can.io.canutils import CanutilsLogWriter
 
 from echogrid.errors import EchogridError
+from echogrid.files import check_folder
 from echogrid_training.drives.bus import BITRATE, DATA_BITRATE
 from echogrid_training.drives.can_writer import Wiring, can_frames
 from echogrid_training.drives.frames import Report
@@ -62,8 +63,7 @@ def write_drive(
 
 def check_free(folder: Path, force: bool) -> None:
     """Raises EchogridError unless a drive may be written there."""
-    if folder.exists() and not folder.is_dir():
-        raise EchogridError(f"{folder}: is a file, expected a folder that does not exist yet or is empty")
+    check_folder(folder)
     found = sorted(entry.name for entry in folder.iterdir()) if folder.exists() else []
     foreign = [name for name in found if name not in (CONFIG, LOG, TRUTH, LIDAR, MOUNT, *LABELLED)]
     if foreign and force:

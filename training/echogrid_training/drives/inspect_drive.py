@@ -16,6 +16,7 @@ from echogrid.core.mapper import MapUpdate
 from echogrid.core.messages import Floats, RadarScan
 from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
+from echogrid.files import check_folder
 from echogrid.logs.drive import find_drive
 from echogrid.logs.log import Log
 from echogrid.maps.picture import shade
@@ -40,6 +41,7 @@ class Moment:
 
 def inspect(folder: Path, out: Path) -> list[Path]:
     """Writes drive.png and drive.gif; returns their paths. Raises EchogridError if the folder is not a drive with a true map."""
+    check_folder(out)
     drive = find_drive(folder, None)
     truth = load_simulated_truth(drive.truth)
     config = load_config(drive.config, "analytic")  # its sensor model is not run

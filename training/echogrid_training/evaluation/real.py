@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from echogrid.core.evidence.raster import GridSpec
+from echogrid.files import check_file, check_folder
 from echogrid.model.choice import choose
 from echogrid_training.drives import nuscenes, radarscenes
 from echogrid_training.drives.drive import write_drive
@@ -52,8 +53,12 @@ def named(text: str) -> str:
 
 def run_real(options: argparse.Namespace, track: Track = untracked) -> str:
     """Writes the figures and the pictures; returns tables in Markdown. Raises EchogridError."""
-    for folder in (options.json.parent, *([options.out] if options.out else [])):
+    folders = (options.json.parent, *([options.out] if options.out else []))
+    for folder in folders:
+        check_folder(folder)
+    for folder in folders:
         folder.mkdir(parents=True, exist_ok=True)
+    check_file(options.json)
     choice = choose(options.model, GridSpec(), {})
     network = str(choice.model.path)  # the same file for all, where there are several
     if options.kind == "astyx":

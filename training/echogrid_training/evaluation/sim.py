@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from echogrid.errors import EchogridError
+from echogrid.files import check_file, check_folder, meant
 from echogrid_training.learning.dataset import find_drives
 from echogrid_training.learning.fit import positive, some
 from echogrid_training.recording import Track, untracked
@@ -53,12 +54,18 @@ def named(text: str) -> tuple[str, Path]:
 
 def run(options: argparse.Namespace, track: Track = untracked) -> str:
     """Calibrates, judges, writes; returns the tables in Markdown. Raises EchogridError."""
+    if options.maps and options.sweep:
+        raise EchogridError("--maps and --sweep found together, expected one of them: a sweep judges patches")
+    check_folder(options.out)
+    if options.json is not None:
+        check_file(options.json)
+    for _, path in options.model:
+        if not path.is_file():
+            raise EchogridError(f"--model {path}: there is no such file{meant(path)}")
     from echogrid_training.evaluation.simulated import calibrating, judging, results, sweep
     from echogrid_training.evaluation.simulated.learned import File
     from echogrid_training.evaluation.tables import report
 
-    if options.maps and options.sweep:
-        raise EchogridError("--maps and --sweep found together, expected one of them: a sweep judges patches")
     tested, others = find_drives(options.test), some(find_drives(options.calibrate), MAPPED if options.maps else CALIBRATED)
     check_apart(tested, others)
     files = [File(name, path) for name, path in options.model]

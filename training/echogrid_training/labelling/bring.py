@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
 from echogrid.errors import EchogridError
-from echogrid.files import meant
+from echogrid.files import check_folder, meant
 from echogrid.logs.drive import ENDINGS, find_drive
 from echogrid_training.evaluation.recorded.drive import hear
 from echogrid_training.labelling.clouds import Cloud, clouds
@@ -53,6 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, track: Track = untracked) -> str:
     """Writes the folder completely or not at all. Raises EchogridError."""
     out: Path = options.out
+    check_folder(out)
     if out.exists():
         raise EchogridError(f"{out}: exists already; give another folder")
     config = load_config(options.config)
@@ -62,6 +63,8 @@ def run(options: argparse.Namespace, track: Track = untracked) -> str:
     for path in files:
         if options.config.parent.resolve() not in path.resolve().parents:
             raise EchogridError(f"{options.config}: names {path}, outside its folder; put it beside the configuration, for both are copied")
+    if options.log.is_dir():
+        raise EchogridError(f"{options.log}: is a folder, expected a recording, such as {options.log / 'can.log'}")
     if not options.log.is_file():
         raise EchogridError(f"{options.log}: there is no such file")
     ending = next((one for ending in ENDINGS for one in (ending, f"{ending}.gz", f"{ending}.zst") if options.log.name.endswith(one)), None)

@@ -11,9 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from echogrid.arguments import between
 from echogrid.core.evidence.history_raster import Bytes
 from echogrid.core.map.look_map import Calibration
 from echogrid.errors import EchogridError
+from echogrid.files import check_folder
 from echogrid_training.learning.dataset import Samples, find_drives, joined, load_drives, read_samples, split
 from echogrid_training.learning.map_calibration import calibrate_map
 from echogrid_training.recording import Track, untracked
@@ -72,16 +74,20 @@ def add_choices(parser: argparse.ArgumentParser, l2: str) -> None:
 
 def run(options: argparse.Namespace, track: Track = untracked) -> str:
     """Trains, judges, exports; returns the figures as a table in Markdown. Raises EchogridError."""
+    check_folder(options.out)
     from echogrid_training.learning import export, judging, train, warm_start
 
+    if options.start is not None and options.network != "default":
+        raise EchogridError(f"--from {options.start}: is for the default network, found --network {options.network}")
+    train.check_new(options.out, resume=options.resume)
     learned, held_out = split(find_drives(options.drives))
+    tested = [] if options.test is None else find_drives(options.test)
+    others = [read_samples(path) for path in options.samples]
     samples, validation = (load_drives(drives, track, disturbed=True, workers=options.workers) for drives in (learned, held_out))
-    samples = joined([samples, *map(read_samples, options.samples)])
+    samples = joined([samples, *others])
     chosen: dict[str, Any] = {} if options.epochs is None else {"epochs": options.epochs}
     chosen |= {"labels": options.labels, "l2": options.l2}
     if options.start is not None:
-        if options.network != "default":
-            raise EchogridError(f"--from {options.start}: is for the default network, found --network {options.network}")
         chosen["rate"] = warm_start.RATE
     settings = replace((train.small if options.small else train.Settings)(options.network, options.weighting, seed=options.seed), **chosen)
     start = None if options.start is None else warm_start.started(options.start, samples)
@@ -94,8 +100,7 @@ def run(options: argparse.Namespace, track: Track = untracked) -> str:
         trained = replace(trained, weights=warm_start.between(options.start, learned_file, options.keep, validation))
     way, model = trained.recipe(), trained.model()
     rows = [_row("validation", len(held_out), len(validation), judging.judge(way, model, validation))]
-    if options.test is not None:
-        tested = find_drives(options.test)
+    if tested:
         test = load_drives(tested, track, workers=options.workers)
         rows.append(_row("test", len(tested), len(test), judging.judge(way, model, test)))
     paths = export.export(trained, options.out, calibration, calibrating(validation) if options.network == "default" else None)
@@ -129,15 +134,11 @@ def _row(name: str, drives: int, samples: int, figures: dict[str, dict[str, floa
 
 
 def _share(text: str) -> float:
-    number = float(text)
-    if not 0.0 <= number <= 1.0:
-        raise argparse.ArgumentTypeError(f"{number:g} found, expected 0 to 1")
-    return number
+    return between(text, 0, 1, "found, expected a share")
 
 
 def positive(text: str) -> int:
     """An argument that counts something."""
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"{number} found, expected at least 1")
-    return number
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"'{text}' found, expected a whole number from 1 on")
+    return int(text)

@@ -268,11 +268,16 @@ def load_trained(path: Path) -> Trained:
         raise EchogridError(f"{path}: is not a model that echogrid-train fit wrote: {error}") from error
 
 
+def check_new(out: Path, *, resume: bool) -> None:
+    """Raises EchogridError where `out` holds a run that is not to be continued."""
+    if (out / CHECKPOINT).exists() and not resume:
+        raise EchogridError(f"{out}: holds a run; continue it with --resume, or give another folder")
+
+
 def _take_up(run: Run, what: dict[str, Any], out: Path, resume: bool, ranks: Ranks) -> None:
     """Continues from the checkpoint in `out`, if there is one."""
+    check_new(out, resume=resume)
     path = out / CHECKPOINT
-    if path.exists() and not resume:
-        raise EchogridError(f"{out}: holds a run; continue it with --resume, or give another folder")
     if path.exists():
         held = _load(path)
         for key, value in what.items():

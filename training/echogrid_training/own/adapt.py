@@ -23,6 +23,7 @@ from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.map.look_map import Calibration
 from echogrid.core.messages import Floats
 from echogrid.errors import EchogridError
+from echogrid.files import check_file
 from echogrid.logs.drive import find_drive
 from echogrid.model.choice import SHIPPED, shipped
 from echogrid.model.network import KEY, OnnxSensorModel
@@ -125,8 +126,7 @@ def check_out(path: Path) -> None:
     """Raises EchogridError unless a model may be written there."""
     if path.suffix != ".onnx":
         raise EchogridError(f"--out {path}: expected a name that ends in .onnx")
-    if not path.absolute().parent.is_dir():
-        raise EchogridError(f"--out {path}: there is no folder {path.parent} to write it in")
+    check_file(path)
 
 
 def halves(drives: Sequence[RealDrive], model: Path, track: Track) -> list[Patch]:

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from echogrid.errors import EchogridError
+from echogrid.files import check_file
 from echogrid_training.evaluation.real import finite, named
 from echogrid_training.own.measure import DriveWorth, heard, measure
 from echogrid_training.own.page import joined, page_of, sentences
@@ -29,8 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, track: Track = untracked) -> str:
     """Writes the page and the figures; returns the page's first sentences. Raises EchogridError."""
     for path in (options.report, options.json):
-        if path is not None and not path.absolute().parent.is_dir():
-            raise EchogridError(f"{path}: there is no folder {path.parent} to write it in")
+        if path is not None:
+            check_file(path)
     found = [measure(title(source), heard(source, options.config)[0], options.model) for source in track(options.drives, "judging drives")]
     if options.report is not None:
         options.report.write_text(page_of(found, "What the map is worth on this car"), encoding="utf-8")

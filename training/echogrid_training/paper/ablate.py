@@ -23,10 +23,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, track: Track = untracked) -> str:
     """Trains, judges and writes; returns the tables in Markdown. Raises EchogridError."""
+    data = read(options, track)
     from echogrid_training.learning import train
     from echogrid_training.paper import variants
 
-    data = read(options, track)
     plain = (train.small if options.small else train.Settings)("paper", "independent", seed=options.seed)
     chosen: dict[str, Any] = {} if options.epochs is None else {"epochs": options.epochs}
     settings = [replace(plain, seed=options.seed + number, **chosen) for number in range(options.seeds)]

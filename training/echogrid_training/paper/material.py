@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from echogrid.errors import EchogridError
+from echogrid.files import check_folder
 from echogrid_training.drives.campaign import PLAN
 from echogrid_training.learning.dataset import Samples, find_drives, joined, load_drive, load_drives, split, town
 from echogrid_training.learning.fit import positive
@@ -56,6 +57,7 @@ def add_drives(parser: argparse.ArgumentParser, out: str) -> None:
 
 def read(options: argparse.Namespace, track: Track) -> Material:
     """Of add_drives' arguments. Raises EchogridError."""
+    check_folder(options.out)
     learned, held_out = split(find_drives(options.drives))
     tested = find_drives(options.test)
     check_apart([*learned, *held_out], tested, options.test)

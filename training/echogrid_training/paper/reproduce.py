@@ -25,10 +25,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, track: Track = untracked) -> str:
     """Trains, judges, maps, draws and writes; returns the table in Markdown. Raises EchogridError."""
+    data = read(options, track)
     from echogrid_training.learning import train
     from echogrid_training.paper import autoencoders, reproduction, reproduction_report, table_one
 
-    data = read(options, track)
     plain = (train.small if options.small else train.Settings)("paper", "independent", seed=options.seed)
     chosen: dict[str, Any] = {} if options.epochs is None else {"epochs": options.epochs}
     chosen |= {"labels": options.labels, "l2": options.l2}

@@ -144,6 +144,12 @@ def table(real: Mapping[str, Drive], sims: Sequence[Drive]) -> str:
 
 def put_into(document: Path, text: str) -> None:
     """Replaces the text between the document's marks. Raises EchogridError if it has none."""
+    before, after = around(document)
+    document.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}", encoding="utf-8")
+
+
+def around(document: Path) -> tuple[str, str]:
+    """The document's text before and behind its marks. Raises EchogridError if it has none."""
     try:
         old = document.read_text(encoding="utf-8")
     except OSError as error:
@@ -152,7 +158,7 @@ def put_into(document: Path, text: str) -> None:
     _, end, after = rest.partition(END)
     if not begin or not end:
         raise EchogridError(f"{document}: has no place for the table, expected the marks {BEGIN} and {END}")
-    document.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}", encoding="utf-8")
+    return before, after
 
 
 def _at(field: str, index: int) -> Callable[[Drive], float | None]:

@@ -11,14 +11,13 @@ from typing import Any
 import msgspec
 
 from echogrid.commands.recorder import Recorder, report
-from echogrid.commands.replay import aside, first_ns, in_part, nothing_known, say, true_poses, why_none
+from echogrid.commands.replay import aside, check_outputs, first_ns, in_part, nothing_known, say, true_poses, why_none
 from echogrid.commands.state_log import StateLog
 from echogrid.commands.terminal import progress, show_map
 from echogrid.commands.traffic import Traffic
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
 from echogrid.errors import EchogridError, NoMapError
-from echogrid.files import may_be_folder
 from echogrid.live.player import Player, on_virtual_buses
 from echogrid.live.service import Service
 from echogrid.logs.drive import Drive, find_drive
@@ -80,7 +79,7 @@ def publish(
     `foxglove` are as for `run`. It may be stopped early: the files then hold what was mapped until then. Raises EchogridError as `replay`.
     """
     config = at_the_desk(load_config(drive.config, model), store)
-    may_be_folder(out)
+    check_outputs(out, store)
     pipeline = Pipeline(config, drive.config)
     truth = true_poses(drive, say)
     recorder = Recorder(pipeline, states=StateLog(say))
