@@ -4,6 +4,7 @@ python examples/nearest_obstacle.py [ENDPOINT]     beside `echogrid replay DRIVE
 """
 
 import sys
+from contextlib import suppress
 
 import numpy as np
 
@@ -39,4 +40,5 @@ def main(endpoint: str) -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:] or ["tcp/127.0.0.1:7447"])
+    with suppress(KeyboardInterrupt):  # Ctrl-C ends it
+        main(*sys.argv[1:] or ["tcp/127.0.0.1:7447"])

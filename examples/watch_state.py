@@ -5,6 +5,7 @@ python examples/watch_state.py [ENDPOINT]     beside `echogrid replay DRIVE --pu
 
 import sys
 import time
+from contextlib import suppress
 
 from echogrid.client import Client, vehicles
 
@@ -45,4 +46,5 @@ def main(endpoint: str) -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:] or ["tcp/127.0.0.1:7447"])
+    with suppress(KeyboardInterrupt):  # Ctrl-C ends it
+        main(*sys.argv[1:] or ["tcp/127.0.0.1:7447"])

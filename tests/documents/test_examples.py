@@ -6,6 +6,7 @@ import ast
 import importlib.util
 import json
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -123,6 +124,17 @@ def test_the_nearest_obstacle_is_as_far_as_it_is(x: float, y: float, yaw: float)
     grid = Window(0, "odom", cell, (-half * cell, -half * cell), occupancy, MapName(b"", 0))
     assert module.ahead(grid, Pose(0, x, y, yaw, 0.0, 0.0)) == pytest.approx(12.0 - module.BUMPER, abs=cell)
     assert module.ahead(Window(0, "odom", cell, (0.0, 0.0), occupancy * 0, MapName(b"", 0)), Pose(0, x, y, yaw, 0.0, 0.0)) is None
+
+
+@pytest.mark.parametrize("name", ["nearest_obstacle", "watch_state"])
+def test_a_subscriber_ends_at_ctrl_c_without_a_word(name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def stopped(*_: object, **__: object) -> list[str]:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("echogrid.client.vehicles", stopped)
+    monkeypatch.setattr(sys, "argv", [f"{name}.py"])
+    runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
+    assert capsys.readouterr() == ("", "")
 
 
 def test_nothing_is_acted_on_that_is_old_or_not_trusted() -> None:

@@ -37,10 +37,13 @@ def test_mistakes_are_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "note").write_text("")
     (tmp_path / "bad.npz").write_text("bad")
+    (tmp_path / "noise.txt").write_bytes(b"\x1f\x8b\x08")
     out = str(tmp_path / "out")
     for arguments, expected in (
         (["import", "nuscenes", str(tmp_path / "none"), "--out", out], "none: does not exist"),
         (["import", "nuscenes", str(tmp_path / "bad.npz"), "--out", out], "bad.npz: is not an .npz file of arrays"),
+        (["import", "many", str(tmp_path / "none.txt")], "none.txt: cannot be read: No such file"),
+        (["import", "many", str(tmp_path / "noise.txt")], "noise.txt: is not a text in UTF-8: invalid start byte at byte 1"),
         (["import", "radarscenes", str(tmp_path / "full"), "--out", out], "radar_data.h5: does not exist"),
         (["scene", "--out", str(tmp_path / "full")], "full: is not empty"),
         (["scene", "--out", str(tmp_path / "bad.npz")], "bad.npz: is a file, expected a folder"),

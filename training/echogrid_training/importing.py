@@ -17,6 +17,7 @@ from echogrid_training.labelling.label import add_engine
 from echogrid_training.layouts import kitti, nuscenes_lidar, vod
 from echogrid_training.layouts.with_lidar import Brought, write
 from echogrid_training.recording import Recording, Track, untracked
+from echogrid_training.sources import load_text
 from echogrid_training.tasks import done
 
 Importer = Callable[[argparse.Namespace, Track], str]
@@ -124,7 +125,7 @@ def _tasks(file: Path) -> list[argparse.Namespace]:
     parser = OneSentence(prog="import", add_help=False)
     add_commands(parser.add_subparsers(required=True, metavar="DATASET"))
     tasks: list[argparse.Namespace] = []
-    for number, line in enumerate(file.read_text("utf-8").splitlines(), 1):
+    for number, line in enumerate(load_text(file).splitlines(), 1):
         try:
             words = shlex.split(line, comments=True)
             if not words:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echogrid.errors import EchogridError
+from echogrid.files import meant
 
 
 def load_npz(path: Path, keys: Sequence[str]) -> dict[str, NDArray[Any]]:
@@ -41,6 +42,16 @@ def load_json(path: Path) -> Any:
         raise EchogridError(f"{path}: cannot be read: {error.strerror}") from error
     except ValueError as error:
         raise EchogridError(f"{path}: is not valid JSON: {error}") from error
+
+
+def load_text(path: Path) -> str:
+    """Raises EchogridError."""
+    try:
+        return path.read_text("utf-8")
+    except OSError as error:
+        raise EchogridError(f"{path}: cannot be read: {error.strerror}{'' if path.exists() else meant(path)}") from error
+    except UnicodeDecodeError as error:
+        raise EchogridError(f"{path}: is not a text in UTF-8: {error.reason} at byte {error.start}") from error
 
 
 def field(record: Any, key: str, path: Path) -> Any:

@@ -66,7 +66,7 @@ def run(options: argparse.Namespace, track: Track = untracked) -> str:
     if options.log.is_dir():
         raise EchogridError(f"{options.log}: is a folder, expected a recording, such as {options.log / 'can.log'}")
     if not options.log.is_file():
-        raise EchogridError(f"{options.log}: there is no such file")
+        raise EchogridError(f"{options.log}: there is no such file{meant(options.log)}")
     ending = next((one for ending in ENDINGS for one in (ending, f"{ending}.gz", f"{ending}.zst") if options.log.name.endswith(one)), None)
     if ending is None:
         raise EchogridError(f"{options.log}: expected a CAN log that ends in one of {', '.join(ENDINGS)}")

@@ -21,6 +21,7 @@ from echogrid_training.realism.recorded import astyx_distances, kitti_truth, occ
 from echogrid_training.recording import EPOCH_NS, Recording, Track
 from echogrid_training.sensors.episode import NEAR, draw_episode
 from echogrid_training.sensors.visibility import poses_at
+from echogrid_training.sources import load_text
 from echogrid_training.towns.town import Town
 from echogrid_training.worlds.layout import make_town
 
@@ -93,7 +94,10 @@ def _distances(town: Town, recording: Recording) -> tuple[Floats, Floats]:
 def recorded(nuscenes_folder: Path, radarscenes_file: Path, astyx_file: Path, kitti_file: Path) -> dict[str, Drive]:
     """The same figures of the recordings. nuScenes does not say what moves: its residuals are taken below 1 m/s, and no gross share."""
     drives: dict[str, Drive] = {}
-    for path in sorted(nuscenes_folder.glob("scene-*.npz")):
+    scenes = sorted(nuscenes_folder.glob("scene-*.npz"))
+    if not scenes:
+        raise EchogridError(f"{nuscenes_folder}: holds no scene-*.npz, expected a folder of them")
+    for path in scenes:
         drives[f"nuScenes {path.stem.removeprefix('scene-')}"] = _drive(detections(nuscenes.load(path)), static=False)
     recording = radarscenes.load(radarscenes_file)
     recording = dataclasses.replace(recording, scans=sorted(recording.scans, key=lambda scan: scan.stamp_ns))
@@ -150,11 +154,7 @@ def put_into(document: Path, text: str) -> None:
 
 def around(document: Path) -> tuple[str, str]:
     """The document's text before and behind its marks. Raises EchogridError if it has none."""
-    try:
-        old = document.read_text(encoding="utf-8")
-    except OSError as error:
-        raise EchogridError(f"{document}: cannot be read: {error.strerror}") from error
-    before, begin, rest = old.partition(BEGIN)
+    before, begin, rest = load_text(document).partition(BEGIN)
     _, end, after = rest.partition(END)
     if not begin or not end:
         raise EchogridError(f"{document}: has no place for the table, expected the marks {BEGIN} and {END}")
