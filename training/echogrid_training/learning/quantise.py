@@ -80,6 +80,9 @@ def streamlined(model: onnx.ModelProto) -> onnx.ModelProto:
     for node in [node for node in model.graph.node if node.op_type == "Resize"]:
         _double_by_joins(model.graph, node, shapes[node.input[0]])
     _round_the_last(model.graph)
+    used = {name for node in model.graph.node for name in node.input}
+    for one in [one for one in model.graph.initializer if one.name not in used]:
+        model.graph.initializer.remove(one)
     onnx.checker.check_model(model)
     return model
 

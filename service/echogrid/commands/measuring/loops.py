@@ -120,12 +120,12 @@ def noted(calls: Calls, sample: Sample) -> Iterator[None]:
             setattr(loops, name, work)
 
 
-# Of the update, not the readers' of recordings, nor `identify`, which is called once a batch.
+# Of the update, not the readers' of recordings, nor `identify` and `nearby`, which are called once a batch and every three seconds.
 NAMES = frozenset(
     (
         *("moved", "polar", "deviations", "draw_now", "draw_past", "draw_passes", "draw_looks"),
         *("bilinear", "add_clamped", "note_views", "add_looks", "elfes", "look", "add_measured", "usual"),
         *("assemble", "fold", "odds", "beside", "common_motion", "read_out", "percent", "differing"),
-        *("gathered", "agreeing", "gated", "possible", "nearby", "leanings"),
+        *("gathered", "agreeing", "gated", "possible", "leanings"),
     )
 )
