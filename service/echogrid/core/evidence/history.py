@@ -86,8 +86,8 @@ class History:
     def add(self, detections: Detections, looks: Looks, odom_from_base: SE2, distance: float) -> None:
         """What the update at `distance` (m, travelled) saw, in base there."""
         there, seen = detections.moved(odom_from_base), looks.moved(odom_from_base)
-        self._detections.add(there.points, there.origins, there.rcs, there.deviation, distance, self.updates)
-        self._looks.add(seen.place, seen.half_fov, seen.max_range)
+        self._detections.add(len(there), there.points, there.origins, there.rcs, there.deviation, distance, self.updates)
+        self._looks.add(len(seen.place), seen.place, seen.half_fov, seen.max_range)
         self._entries.append((distance, len(detections), len(looks.place)))
         self.updates += 1
         while self._entries[0][0] < distance - self.length or len(self._entries) > MOST_UPDATES:
@@ -119,9 +119,8 @@ class _Rows:
         self._arrays = [np.empty((256, *width)) for width in widths]
         self._begin = self._end = 0
 
-    def add(self, *arrays: Floats | float) -> None:
-        """Rows behind the last; a number stands in all of them."""
-        more = len(np.atleast_1d(arrays[0]))
+    def add(self, more: int, *arrays: Floats | float) -> None:
+        """So many rows behind the last; a number stands in all of them."""
         if self._end + more > len(self._arrays[0]):
             kept = [rows.copy() for rows in self.rows()]
             self._begin, self._end = 0, len(kept[0])

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from echogrid.core.kernels.dispatch import loops
 from echogrid.core.radar.sweep import Sweep
@@ -28,6 +30,12 @@ class DopplerMotion(NamedTuple):
     breadth: float = 1.0
 
 
+@lru_cache(maxsize=512)
+def _pairs(count: int) -> NDArray[np.int64]:
+    """(2, P) numbers of so many detections."""
+    return (PAIRS * count).astype(np.int64)
+
+
 def doppler_motion(sweep: Sweep) -> DopplerMotion | None:
     """Of many guesses, each from two detections, the one that most agree with, refined by least squares over those.
 
@@ -42,7 +50,7 @@ def doppler_motion(sweep: Sweep) -> DopplerMotion | None:
         return None
     sensors = [(one.mount.base_from_sensor, one.scan.ambiguity) for one in sweep.placed]
     places = np.array([(sensor.x, sensor.y, ambiguity) for sensor, ambiguity in sensors])
-    one, other = (PAIRS * len(rate)).astype(np.int64)
+    one, other = _pairs(len(rate))
     motion, explained = np.empty(3), np.empty(len(rate), dtype=np.bool_)
     loops.common_motion(cos, sin, rate, sizes, places, one, other, APART, TOLERANCE, motion, explained)
     speed, yaw_rate, found = motion.tolist()
