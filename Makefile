@@ -13,10 +13,11 @@ demo: .venv/.service
 	@echo "== demo: the shipped drive over a CAN bus, through the service, over Zenoh, to a subscriber in another process"
 	$(BIN)/echogrid demo --out out/demo
 
-# Bytecode is written as it is needed, whatever the environment says: the installation compiles none, and tests start many programs.
+# Four at a time, on two cores as well: tests wait for programs and sockets. Bytecode is written as it is needed, whatever the environment
+# says: the installation compiles none, and tests start hundreds of programs.
 test: .venv/.develop
 	@echo "== test: service and training package; warnings are errors"
-	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses=auto --maxprocesses=4 --dist=loadfile
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses=4 --dist=loadfile
 
 test-rig: .venv/.develop deb
 	@echo "== test-rig: the service on real CAN interfaces, its package under a real systemd; in a guest, or on this machine with RIG=here"
