@@ -25,6 +25,7 @@ from echogrid.core.map.look_map import Calibration, LookMap
 from echogrid.core.map.tile import SIDE, Tile, TileKey
 from echogrid.core.map.tiled_map import View
 from echogrid.core.motion.se2 import SE2
+from echogrid.store.store_file import StoreError
 from echogrid.store.stored_map import describe
 from echogrid.store.tile_keeper import TileKeeper
 from echogrid.store.tile_store import TileStore
@@ -117,10 +118,15 @@ def kill(path: Path, after_s: float) -> Killed:
 
 
 def _epochs(path: Path) -> dict[int, list[TileKey]]:
-    if not path.exists() or not (path.stat().st_size or path.with_name(f"{path.name}-wal").exists()):
+    if not path.exists():
         return {}
-    with TileStore(path) as store:
-        return {epoch: store.tiles(epoch) for epoch in store.numbers()}
+    try:
+        with TileStore(path) as store:
+            return {epoch: store.tiles(epoch) for epoch in store.numbers()}
+    except StoreError as error:
+        if str(error) != f"{path}: is empty":
+            raise
+        return {}
 
 
 def _checked(path: Path, epoch: int, said: int) -> int:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sqlite3
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +71,35 @@ def test_a_file_that_is_not_there_or_empty_is_one_sentence(tmp_path: Path) -> No
         assert store.begin(LOOKS) == 1
     with pytest.raises(StoreError, match="unable to open"):
         TileStore(tmp_path / "nowhere" / "a.egmap", write=True)
+
+
+@pytest.mark.parametrize("statements", range(20))
+def test_one_who_ends_while_the_file_is_made_leaves_one_that_can_be_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, statements: int
+) -> None:
+    """After so many statements, as with a loss of power: then it is none of others, and the next one makes it."""
+
+    class EndError(Exception):
+        pass
+
+    class Ending(sqlite3.Connection):
+        done = 0
+
+        def execute(self, *asked: str) -> sqlite3.Cursor:  # type: ignore[override]
+            if Ending.done == statements:
+                raise EndError
+            Ending.done += 1
+            return super().execute(*asked)
+
+    path = tmp_path / "a.egmap"
+    with monkeypatch.context() as patch:
+        patch.setattr(sqlite3, "connect", partial(sqlite3.connect, factory=Ending))
+        with suppress(EndError):
+            TileStore(path, write=True).close()
+    with suppress(StoreError):  # empty, or not there
+        TileStore(path).close()
+    with TileStore(path, write=True) as store:
+        assert store.begin(LOOKS) == 1
 
 
 @pytest.mark.parametrize("seed", range(12))

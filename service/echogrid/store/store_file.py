@@ -54,7 +54,7 @@ class ForeignFileError(EchogridError):
 def open_file(path: Path, write: bool) -> sqlite3.Connection:
     """A connection to a store; to write, the file is made where it is not. Raises StoreError and ForeignFileError."""
     with sqlite_errors(path), _closed_on_error(_connect(path, write)) as connection:
-        if connection.execute("PRAGMA page_count").fetchone()[0] == 0:
+        if _is_empty(connection):
             if not write:
                 raise StoreError(f"{path}: is empty")
             _create(connection)
@@ -120,11 +120,17 @@ def _closed_on_error(connection: sqlite3.Connection) -> Iterator[sqlite3.Connect
         raise
 
 
+def _is_empty(connection: sqlite3.Connection) -> bool:
+    """Whether the file has no table and is nobody's: it has no page, or one, which SQLite writes when it hears of auto_vacuum."""
+    counts = connection.execute("SELECT count(*) FROM sqlite_schema"), connection.execute("PRAGMA application_id")
+    return [count.fetchone() for count in counts] == [(0,), (0,)]
+
+
 def _create(connection: sqlite3.Connection) -> None:
-    """All of it in one transaction, before the file is one with a WAL: a process that is killed here leaves nothing, not half of it."""
+    """All of it in one transaction, before the file is one with a WAL: who is killed here leaves an empty file, not half of one."""
     connection.execute("PRAGMA auto_vacuum = INCREMENTAL")
     connection.execute("BEGIN EXCLUSIVE")
-    if connection.execute("SELECT count(*) FROM sqlite_schema").fetchone() == (0,):  # no other process has made it meanwhile
+    if _is_empty(connection):  # no other process has made it meanwhile
         connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
         connection.execute(f"PRAGMA user_version = {VERSION}")
         for table in TABLES.values():
