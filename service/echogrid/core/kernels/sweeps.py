@@ -95,9 +95,9 @@ def leanings(
     left: Floats,
     weight: Floats,
 ) -> None:
-    """How range rates (N,) lean on seven errors, of which `covariance` (7, 7) is: wheel scale, gyro's bias and scale, delay, yaw of the mount,
-    stretch of azimuths, and the rate that all are `too_high` by. `slope` (N, 7) are the derivatives, `left` (N,) what the motion leaves of
-    the rates, modulo the interval if there is one, `weight` (N,) inverse variances, 0 for what is more than `limit` sigmas off.
+    """How range rates (N,) lean on seven errors, of which `covariance` (7, 7) is: wheel scale, gyro's bias and scale, delay, yaw of the
+    mount, stretch of azimuths, and the rate that all are `too_high` by. `slope` (N, 7) are the derivatives, `left` (N,) what the motion
+    leaves of the rates, modulo the interval if there is one, `weight` (N,) inverse variances, 0 for what is more than `limit` sigmas off.
 
     Detections of one scan by cosine and sine of their bearings in base, from a sensor at x, y (m). `wheels` and `gyro` as they are, speed
     and yaw rate as they should be. Sigmas: m/s, rad, rad; `worth` variances a detection counts as, at most `most` of them whole, and

@@ -31,7 +31,7 @@ class Footprint:
         column = math.floor((odom_from_base.x - reach) / cell)
         row = math.floor((odom_from_base.y - reach) / cell)
         # From the car, in cells: small enough for float32, which halves the time.
-        centres = np.arange(0.5, math.ceil(2 * reach / cell) + 1) + ((column,), (row,))
+        centres = np.arange(0.5, math.ceil(2 * reach / cell) + 1) + np.array(((column,), (row,)))
         centres *= cell
         centres -= ((odom_from_base.x,), (odom_from_base.y,))
         centres /= cell
