@@ -84,7 +84,7 @@ def test_one_that_fails_stops_no_other_and_is_named(drives: Path, capsys: pytest
     (drives / "drive-1" / "lidar.toml").write_text("x = 1\n")
     assert label(drives, "--workers", "2") == 1
     said = capsys.readouterr().err
-    assert said.startswith("1 of 3 failed: ")
+    assert said.splitlines()[-1].startswith("1 of 3 failed: ")  # before it how many are done, on a busy machine
     assert "drive-1/lidar.toml: the key 'y' is missing" in said
     assert sorted(path.parent.name for path in drives.glob("*/truth.npz")) == ["drive-0", "drive-2"]
 
