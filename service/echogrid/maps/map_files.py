@@ -29,9 +29,8 @@ def write_map(folder: Path, occupancy: TiledMap, trajectory: Sequence[EgoState])
     driven = np.array([(ego.odom_from_base.x, ego.odom_from_base.y) for ego in trajectory]).reshape(-1, 2)
     if log_odds.size:
         map_server.write(folder / "map.yaml", map_server.pixels_of(log_odds, "trinary"), origin, cell, "trinary")
-        draw(log_odds, origin, cell, driven).save(
-            folder / "map.png", compress_level=3
-        )  # of these pictures smaller than 6, in half the time
+        # Level 3 makes these pictures smaller than 6 does, in half the time.
+        draw(log_odds, origin, cell, driven).save(folder / "map.png", compress_level=3)
         written += ["map.pgm", "map.yaml", "map.png"]
     with (folder / "trajectory.csv").open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")

@@ -31,11 +31,8 @@ from echogrid.maps.dense_map import MOST_CELLS, DenseMap
 Pixels = NDArray[np.uint8]  # (H, W) grey or (H, W, 4) red, green, blue, alpha; the first row is the largest y
 Cells = NDArray[np.int8]  # (H, W); the first row is the smallest y
 
-THRESHOLDS = {
-    "trinary": (OCCUPIED, FREE),
-    "scale": (1.0, 0.0),
-    "raw": (OCCUPIED, FREE),
-}  # occupied, free; between those of scale, grey is linear
+# Occupied, free; between those of scale, grey is linear.
+THRESHOLDS = {"trinary": (OCCUPIED, FREE), "scale": (1.0, 0.0), "raw": (OCCUPIED, FREE)}
 BLACK, WHITE, GREY = 0, 254, 205  # levels of trinary: occupied, free, unknown
 CLAMP = 3.5  # log-odds of what a file calls sure
 MOST_YAML = 64 << 10  # bytes

@@ -20,7 +20,6 @@ REACH = 300.0  # m around the car of which newcomers are told; a page keeps more
 TRAIL_STEP, MOST_TRAIL = 0.5, 8192  # m between points of the trail; so many of them, so some kilometres
 MOST_POSES = 8  # that are remembered, for the detections of the same stamp
 TIDY = 64  # windows between two looks for what is out of reach
-UNKNOWN_RADAR = 255
 Frames = list[bytes]
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from echogrid_training import cli
 from echogrid_training.own.half import Answers
-from echogrid_training.own.worth import AGES, by_age, by_radar, by_range, calibration_gap, diagram, live, share
+from echogrid_training.own.worth import AGES, by_age, by_radar, by_range, diagram, live, share
 
 
 def test_a_page_for_people_and_figures_for_programs(street: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -82,12 +82,3 @@ def test_stretches_that_are_alike_leave_no_doubt() -> None:
     assert (found.value, found.low, found.high) == (0.25, 0.25, 0.25)
     one = share(np.repeat((True, False), 20), np.repeat((0, 1), 20))
     assert (one.low, one.high) == (0.0, 1.0)
-
-
-def test_what_is_said_and_what_is_so() -> None:
-    """Rays end as often as is said: no gap. They never do: the gap is what was said."""
-    rng = np.random.default_rng(1)
-    p = rng.uniform(0.05, 0.95, 40000)
-    for true, gap in ((rng.uniform(size=len(p)) < p, 0.0), (np.zeros(len(p), bool), 0.5)):
-        table = np.stack([np.bincount((p * 10).astype(int), weights=one, minlength=10) for one in (np.ones(len(p)), p, true)])
-        assert calibration_gap(table) == pytest.approx(gap, abs=0.01)

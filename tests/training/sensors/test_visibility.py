@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.support.tiny_towns import car_mover, track
 
-from echogrid_training.sensors.visibility import Near, Traffic, crossings, first_hits, in_sight, losses, nearest_points, poses_at
+from echogrid_training.sensors.visibility import Near, Traffic, crossings, in_sight, losses, nearest_points, poses_at
 from echogrid_training.towns.town import Track
 
 
@@ -29,11 +29,6 @@ def test_rays_meet_what_the_slow_reference_meets(seed: int) -> None:
     segments = np.stack((starts, starts + rng.normal(0.0, 6.0, (60, 2))), axis=1)
     origin, bearings = rng.uniform(-5.0, 5.0, 2), rng.uniform(-7.0, 7.0, 50)
     slow = np.array([[crossing(segment, origin, bearing) for segment in segments] for bearing in bearings])
-    distance, index = first_hits(segments, origin, bearings)
-    np.testing.assert_allclose(distance, slow.min(axis=1))
-    hit = np.isfinite(distance)
-    np.testing.assert_array_equal(index[hit], slow.argmin(axis=1)[hit])
-    assert (index[~hit] == -1).all()
     found = crossings(segments, origin, bearings)
     assert len(found.ray) == np.isfinite(slow).sum()
     np.testing.assert_allclose(found.distance, slow[found.ray, found.segment])
@@ -57,14 +52,13 @@ def test_no_ray_slips_through_a_corner() -> None:
     angles = np.linspace(0.0, 2 * np.pi, 90, endpoint=False)
     corners = np.stack((np.cos(angles), np.sin(angles)), axis=-1) * np.linspace(5.0, 9.0, 90)[:, None]
     segments = np.stack((corners, np.roll(corners, -1, axis=0)), axis=1)
-    distance, _ = first_hits(segments, np.zeros(2), np.arctan2(corners[:, 1], corners[:, 0]))
-    np.testing.assert_allclose(distance, np.linspace(5.0, 9.0, 90))
+    found, nearest = crossings(segments, np.zeros(2), np.arctan2(corners[:, 1], corners[:, 0])), np.full(90, np.inf)
+    np.minimum.at(nearest, found.ray, found.distance)
+    np.testing.assert_allclose(nearest, np.linspace(5.0, 9.0, 90))
 
 
 def test_without_segments_or_rays_there_is_nothing() -> None:
-    distance, index = first_hits(np.zeros((0, 2, 2)), np.zeros(2), np.zeros(3))
-    assert distance.tolist() == [math.inf] * 3
-    assert index.tolist() == [-1] * 3
+    assert len(crossings(np.zeros((0, 2, 2)), np.zeros(2), np.zeros(3)).ray) == 0
     assert len(crossings(np.ones((4, 2, 2)), np.zeros(2), np.zeros(0)).ray) == 0
 
 

@@ -11,7 +11,6 @@ from echogrid_training.streets.style import FAMILIES, LIKE_ALL, Family
 from echogrid_training.towns.clearance import ego_corners, swept
 from echogrid_training.towns.town import Material, Thing, Town, observed_by_car
 from echogrid_training.worlds.layout import make_town
-from echogrid_training.worlds.town_picture import draw_town
 
 SECONDS = 20.0
 
@@ -117,8 +116,3 @@ def test_a_few_percent_of_the_cells_about_the_ego_are_surfaces(family: str) -> N
 def test_a_family_that_there_is_not_is_one_sentence() -> None:
     with pytest.raises(EchogridError, match="there is no family of towns 'village', only train, calibration, test, open"):
         make_town("village", 0, SECONDS)
-
-
-def test_a_picture_shows_the_town() -> None:
-    image = draw_town(make_town("train", 3, SECONDS), pixels_per_m=1.0)
-    assert len(image.getcolors(100000) or ()) > 8

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from echogrid.core.map.tiled_map import probability
 from echogrid.core.messages import Floats
-from echogrid_training.evaluation.metrics import ratio
 from echogrid_training.evaluation.recorded.scores import FREE, OCCUPIED
 from echogrid_training.own.half import EVERY, Answers
 
@@ -101,8 +100,3 @@ def by_age(asked: Answers) -> dict[str, Answers]:
         for name, (low, high) in zip(AGE_NAMES, AGES, strict=True)
     }
     return {name: part for name, part in parts.items() if len(part)}
-
-
-def calibration_gap(table: Floats) -> float:
-    """Mean distance of what was stated and what was so, by weight."""
-    return ratio(float(np.abs(table[1] - table[2]).sum()), float(table[0].sum()))

@@ -54,17 +54,6 @@ def crossings(segments: Floats, origin: Floats, bearings: Floats) -> Crossings:
     return Crossings(ray[ahead], segment[ahead], distance[ahead])
 
 
-def first_hits(segments: Floats, origin: Floats, bearings: Floats) -> tuple[Floats, Indices]:
-    """The distance (N,) m to the first segment along each bearing, inf if none, and its index (N,), -1 if none."""
-    found = crossings(segments, origin, bearings)
-    distance = np.full(len(bearings), np.inf)
-    index = np.full(len(bearings), -1, dtype=np.intp)
-    farthest_first = np.argsort(-found.distance, kind="stable")
-    distance[found.ray[farthest_first]] = found.distance[farthest_first]  # of several, the last one stays: the nearest
-    index[found.ray[farthest_first]] = found.segment[farthest_first]
-    return distance, index
-
-
 def losses(segments: Floats, loss: Floats, origin: Floats, points: Floats, margin: float = 0.05) -> Floats:
     """(N,) the sum of `loss` (S,) over the segments between `origin` and each point (N, 2), those within `margin` m of it left out."""
     gap = points - origin

@@ -34,9 +34,8 @@ MOST_RAYS = 1500  # the newest: bounds the time of a cycle
 RAY_MARGIN = 2.0  # cells before the detection that its ray says nothing about
 CLOSE, MIDDLE = 1.5, 5.0  # m of way that the first counts reach back
 TOP = 255  # counts from here on look the same
-COUNT = np.rint(255 * np.log1p(np.arange(TOP + 1)) / np.log1p(TOP)).astype(
-    np.uint8
-)  # the byte of a count: 1 is 32, 3 is 64, 15 is 127, 255 is 255
+# The byte of a count: 1 is 32, 3 is 64, 15 is 127, 255 is 255.
+COUNT = np.rint(255 * np.log1p(np.arange(TOP + 1)) / np.log1p(TOP)).astype(np.uint8)
 
 
 class HistoryRaster:

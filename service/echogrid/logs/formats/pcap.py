@@ -125,7 +125,6 @@ class _Blocks:
         self.order = "<"
         self.interfaces: list[_Interface] = []
         self.links: set[int] = set()
-        self.packets = 0
 
     def frames(self) -> Iterator[Frame]:
         window, account = self.window, self.account
@@ -151,7 +150,6 @@ class _Blocks:
                 account.lost(f"a block of {size} bytes at byte {window.at - size}{why}")
                 continue
             if frame is not None:
-                self.packets += 1
                 yield frame
         if lost or window.data:
             account.tear(f"{lost + len(window.data)} bytes follow its last whole block")

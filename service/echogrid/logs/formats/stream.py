@@ -18,7 +18,7 @@ STEP = 32  # bytes of deflate that are unpacked at once where they break
 PIECE = 512  # bytes of zstd that are unpacked at once: no more than 16 MiB can come of them
 WINDOW = 64 << 20  # bytes that zstd may look back
 WIDE = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
-GZIP, ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
+GZIP = b"\x1f\x8b"
 
 
 class Stream:
