@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from msgspec import structs
 
+from echogrid.can.intake.frames import FrameBatch
+from echogrid.config.loading import load_config
 from echogrid.core.messages import RadarScan, Speed, YawRate
 from echogrid.core.motion.se2 import SE2
 from echogrid.core.radar.mount import Mount
 from echogrid.judging.finding import CODES
 from echogrid.judging.judge import judge
+from echogrid.judging.listening import Listener
 from echogrid.judging.mending import SAYS, Mender
 from echogrid.judging.recorded import collect
 from echogrid.judging.sensor_velocity import sensor_velocity
 from tests.judging.mistakes import PLANTED, Mistake, Planted
 from tests.judging.trial import check, found, mended, others, shipped, winding
+from tests.support import world
 
 DRIVES = {"winding": winding, "shipped": lambda: shipped(18.0, 24.0)}
 CAUSED = {"frames lost": {"silence"}}  # what may be said besides
@@ -144,3 +149,18 @@ def test_two_mistakes_at_once() -> None:
     said = {finding.code: fix for finding, fix in check(both)}
     assert set(said) == {"azimuth_sign", "mount_yaw"}
     assert said["mount_yaw"].config["radar", 1, "yaw_deg"] == pytest.approx(-45.0, abs=0.5)
+
+
+def test_a_pause_of_the_recording_accuses_nobody(tmp_path: Path) -> None:
+    """All are silent at once: none is silent or has lost scans for itself, and what is before and after is as far apart as it was."""
+    (tmp_path / "echogrid.toml").write_text(world.CONFIG)
+    messages = world.record(world.straight(6.0), [world.standing([(9.0, 3.0)])], 12.0)
+    for message in messages:
+        message.timestamp += 300.0 * (message.timestamp > 106.0)
+    listener = Listener(load_config(tmp_path / "echogrid.toml"), tmp_path / "echogrid.toml")
+    listener.take(FrameBatch.of(messages))
+    silent = [(one.subject, one.radars) for one in listener.judged()[1] if one.code in ("silence", "lost_frames")]
+    assert silent == [("recording", ())]
+    recorded = listener.recorded()
+    assert recorded.pauses[:, 1] - recorded.pauses[:, 0] == pytest.approx([300.0], abs=0.1)
+    assert recorded.steps(recorded.speed.time) == pytest.approx(0.01, abs=0.012)

@@ -87,7 +87,7 @@ def counted(recorded: Recorded, health: Mapping[str, SensorHealth], bad_motion: 
             found.append(Finding("checksum", sentence, counts.bad_crc / whole, "of its scans", 0.99, f"{whole} scans", (radar.name,)))
             continue
         torn = (counts.incomplete + counts.bad_crc) / whole
-        missing = lost_scans(radar)
+        missing = lost_scans(recorded.steps(radar.time))
         lost = max(torn, missing)
         if lost > LOST:
             how = (

@@ -31,7 +31,7 @@ from echogrid.judging.traffic import FrameId, Moved, Owner, judge_traffic
 SHORT = 0.5  # share of an owner's frames that are shorter than the DBC says, from which on it is the DBC
 MOST_INVALID = 0.9  # share of the places, from which on latitude and longitude may be swapped
 SILENCE = 0.5  # s without a sample or scan
-SPEED, YAW_RATE, POSE = "speed", "yaw rate", "pose"
+SPEED, YAW_RATE, POSE, RECORDING = "speed", "yaw rate", "pose", "recording"
 NO_CHANNELS = Finding(
     "no_channels", "the recording does not say channels, so its buses cannot be told apart", 0.0, "", 0.99, "channels of its frames"
 )
@@ -148,13 +148,18 @@ class Listener:
                 found.append(one)
         times = {SPEED: recorded.speed.time, YAW_RATE: recorded.yaw_rate.time} | {radar.name: radar.time for radar in recorded.radars}
         for name, time in times.items():
-            steps = time[1:] - time[:-1]
+            steps = recorded.steps(time)
             longest = float(steps.max()) if len(steps) else 0.0
             lossy = any(one.code == "lost_frames" and name in one.radars and one.value > 2 * LOST for one in found)
             if longest > SILENCE and not lossy:
                 sentence = f"{name}: silent for {longest:.1f} s"
                 radars, subject = ((), name) if name in (SPEED, YAW_RATE) else ((name,), "")
                 found.append(Finding("silence", sentence, longest, "s", 0.99, "times between samples or scans", radars, subject))
+        pauses = recorded.pauses
+        if len(pauses):
+            longest = float((pauses[:, 1] - pauses[:, 0]).max())
+            sentence = f"recording: it pauses, for {longest:.1f} s at most, in which nobody is heard"
+            found.append(Finding("silence", sentence, longest, "s", 0.99, "times between samples or scans", subject=RECORDING))
         return found
 
 

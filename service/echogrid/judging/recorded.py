@@ -12,6 +12,7 @@ from echogrid.core.messages import EgoMotion, Floats, RadarScan, Speed
 from echogrid.core.radar.mount import Mount
 
 NS = 1e-9
+PAUSE = 0.5  # s without a sample or scan of anybody
 Stamps = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
@@ -78,9 +79,28 @@ class Recorded:
 
     @property
     def seconds(self) -> float:
-        every = [self.speed.time, self.yaw_rate.time, *(radar.time for radar in self.radars)]
-        ends = [time[[0, -1]] for time in every if len(time)]
-        return float(np.max(ends) - np.min(ends)) if ends else 0.0
+        times = self._times
+        return float(times[-1] - times[0]) if len(times) else 0.0
+
+    @property
+    def pauses(self) -> Floats:
+        """(P, 2) from when until when nobody was heard, s: the recording stood still, or the car slept."""
+        times = self._times
+        before = np.flatnonzero(np.diff(times) > PAUSE)
+        return np.stack((times[before], times[before + 1]), axis=1) if len(before) else np.empty((0, 2))
+
+    def steps(self, time: Floats) -> Floats:
+        """(N - 1,) s between times (N,) of one of those that are recorded, without pauses."""
+        pauses = self.pauses
+        if not len(pauses):
+            return np.diff(time)
+        passed = np.cumsum(np.stack((np.zeros(len(pauses)), pauses[:, 1] - pauses[:, 0]), axis=1).ravel())
+        return np.diff(time - np.interp(time, pauses.ravel(), passed))
+
+    @property
+    def _times(self) -> Floats:
+        """Of all samples and scans, in their order."""
+        return np.sort(np.concatenate([self.speed.time, self.yaw_rate.time, *(radar.time for radar in self.radars)]))
 
 
 def collect(motion: Sequence[EgoMotion], scans: Sequence[RadarScan], mounts: dict[str, Mount]) -> Recorded:

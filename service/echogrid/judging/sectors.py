@@ -69,13 +69,12 @@ def outside(radar: RadarTrack) -> tuple[float, float]:
     return float(np.mean(off > radar.mount.half_fov + BEYOND)), float(np.percentile(off, 99.5))
 
 
-def lost_scans(radar: RadarTrack) -> float:
-    """Share of the scans that did not come, by the time between those that did."""
-    if len(radar) < 10:
+def lost_scans(steps: Floats) -> float:
+    """Share of the scans that did not come, by the s between those that did."""
+    if len(steps) < 9:
         return 0.0
-    steps = np.diff(radar.time)
     usual = float(np.median(steps))
     if usual <= 0:  # times that stand still
         return 0.0
     missing = np.maximum(np.round(steps / usual) - 1, 0).sum()
-    return float(missing / (missing + len(radar)))
+    return float(missing / (missing + len(steps) + 1))
