@@ -156,7 +156,7 @@ def test_a_vehicle_that_cannot_be(vehicle: str) -> None:
         Client(vehicle=vehicle)
 
 
-@pytest.mark.parametrize("address", ["", "127.0.0.1:7447", "carrier_pigeon/127.0.0.1:7447"])
+@pytest.mark.parametrize("address", ["", "127.0.0.1:7447", "carrier_pigeon/127.0.0.1:7447", "tcp/localhost", "ws/host"])
 def test_an_endpoint_that_cannot_be(address: str) -> None:
     with pytest.raises(EchogridError, match=rf"^endpoint: Zenoh refuses '{address}' \(.*\), expected an endpoint such as"):
         Client(address)

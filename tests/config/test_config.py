@@ -29,6 +29,14 @@ def complaint(tmp_path: Path, text: str) -> str:
     return str(caught.value)
 
 
+@pytest.mark.parametrize(("mark", "end"), [("\ufeff", "\n"), ("", "\r\n"), ("\ufeff", "\r\n")])
+def test_what_editors_of_windows_write_is_read(tmp_path: Path, mark: str, end: str) -> None:
+    path, same = tmp_path / "echogrid.toml", tmp_path / "same.toml"
+    path.write_bytes((mark + CONFIG.replace("\n", end)).encode())
+    same.write_text(CONFIG)
+    assert load_config(path) == load_config(same)
+
+
 def test_the_smallest_configuration_drives(tmp_path: Path) -> None:
     path = tmp_path / "echogrid.toml"
     path.write_text(CONFIG)

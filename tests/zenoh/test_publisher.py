@@ -262,7 +262,7 @@ def test_the_same_endpoint_twice_is_an_error_too(port: int) -> None:
 
 
 @pytest.mark.parametrize("name", ["listen", "connect"])
-@pytest.mark.parametrize("endpoint", ["", "tcp:127.0.0.1:7447", "7447", "carrier_pigeon/127.0.0.1:7447"])
+@pytest.mark.parametrize("endpoint", ["", "tcp:127.0.0.1:7447", "7447", "carrier_pigeon/127.0.0.1:7447", "tcp/localhost", "tcp/[::1]"])
 def test_an_endpoint_that_zenoh_refuses_is_one_sentence(name: str, endpoint: str) -> None:
     settings = {"listen": (), "connect": (), name: (endpoint,)}
     with pytest.raises(EchogridError) as caught:

@@ -37,7 +37,7 @@ def write_mended(report: Report, source: Path, out: Path) -> None:
         if kind not in written:
             same = sum(stem == profile.stem for stem, _ in written)
             written[kind] = f"{out.stem}_{profile.stem}{same + 1 if same else ''}.toml"
-            text = edited(read(profile, MOST_BYTES).decode(), own)
+            text = edited(read(profile, MOST_BYTES).decode("utf-8-sig"), own)
             with named(out.parent / written[kind]):
                 (out.parent / written[kind]).write_text(text)
         changes[*table, "profile"] = written[kind]
@@ -47,7 +47,7 @@ def write_mended(report: Report, source: Path, out: Path) -> None:
         if configured.dbc is None and described is not None:
             changes[*table, "dbc"] = relative_to(out.parent, profile.parent / described)
     with whole(out) as partial:
-        partial.write_text(edited(read(source, MOST_BYTES).decode(), changes))
+        partial.write_text(edited(read(source, MOST_BYTES).decode("utf-8-sig"), changes))
 
 
 def _moved(config: Config, before: Path, after: Path) -> dict[Keys, Any]:

@@ -28,7 +28,7 @@ class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 def load(path: Path, kind: type[T]) -> T:
     """The file as a `kind`. Raises EchogridError naming the file, the key, what was found and what was expected."""
     try:
-        document = tomllib.loads(read(path, MOST_BYTES).decode(), parse_float=_finite)
+        document = tomllib.loads(read(path, MOST_BYTES).decode("utf-8-sig"), parse_float=_finite)
     except EchogridError as error:
         raise EchogridError(f"{error}{_other(path)}") from error
     except UnicodeDecodeError as error:

@@ -122,6 +122,9 @@ def session_config(
     ready for large messages.
     `credentials` for tls/ endpoints; `access`: Zenoh's access_control.
     """
+    for endpoint in (*listen, *connect):
+        if re.match("(tcp|tls|udp|quic|ws)/", endpoint) and not re.search(r":\d+([?#]|$)", endpoint):
+            raise zenoh.ZError("it has no port")  # Zenoh tries in vain for ever
     pool = {"enabled": sends, "pool_size": 32 << 20, "message_size_threshold": 16 << 10}
     settings: dict[str, object] = {
         # A client's open() fails, or waits forever, without a router; others' returns and keeps trying. A router passes nothing
