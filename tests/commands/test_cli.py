@@ -56,7 +56,7 @@ def test_a_word_that_is_nearly_one_is_guessed(arguments: tuple[str, ...], guess:
         ("check a.log -c e.toml --fix-out a.log", "a.log: is not written, expected a name that ends in .toml"),
         ("check a.log -c e.toml --fix-out folder.toml", "folder.toml: is a folder, expected the name of a file"),
         ("init a.log --out a.log --force", "a.log: is not written, expected a name that ends in .toml"),
-        ("init a.log --out a.log/e.toml", "a.log: is a file, expected a folder"),
+        ("init a.log --out a.log/e.toml", "a.log/e.toml: there is no folder a.log"),
         ("map show out", "out: is a folder, expected a file such as out/map.yaml"),
         ("init a.log --dbc out", "out: is a folder, expected a file"),
     ],

@@ -50,7 +50,6 @@ def command(log: Path, dbcs: Sequence[Path], out: Path, *, force: bool, as_json:
     there = [name for name in texts if (out.parent / name).exists()]
     if there and not force:
         raise EchogridError(f"{out.parent / there[0]}: is there already; give another --out, or --force to replace it")
-    out.parent.mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
         with whole(out.parent / name) as partial:
             partial.write_text(text)
