@@ -9,7 +9,9 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,6 +27,7 @@ from echogrid.commands import run
 from echogrid.commands.demo import demo
 from echogrid.commands.replay import replay
 from echogrid.config.loading import load_config
+from echogrid.errors import EchogridError
 from echogrid.live import publishing
 from echogrid.live.service import Service
 from echogrid.logs.drive import find_drive
@@ -91,6 +94,14 @@ def test_meta_is_said_again(config: tuple[Path, int], monkeypatch: pytest.Monkey
     finally:
         service.workers.stop.set()
         running.join()
+
+
+def test_a_clock_beyond_ros_stamps_is_one_sentence(config: tuple[Path, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A computer whose clock ran out of battery says any year."""
+    path, _ = config
+    monkeypatch.setattr(publishing, "time", SimpleNamespace(time_ns=lambda: 2**31 * 10**9, monotonic=time.monotonic))
+    with pytest.raises(EchogridError, match=r"the clock says 2147483648\.000 s since 1970, .* set the clock"):
+        Service(Pipeline(load_config(path), path)).run()
 
 
 def test_run_says_that_it_waits_and_ends_cleanly_on_a_signal(config: tuple[Path, int]) -> None:

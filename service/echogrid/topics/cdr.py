@@ -10,17 +10,24 @@ import struct
 from collections.abc import Iterable
 from typing import Any
 
+from echogrid.errors import EchogridError
+
 LITTLE_ENDIAN = b"\x00\x01\x00\x00"  # alignment counts from the byte behind it
 SECOND = 10**9  # ns
 _STAMP = struct.Struct("<iI")  # builtin_interfaces/Time: until 2038
 LENGTH = struct.Struct("<I")
 
 
+class StampError(EchogridError, ValueError):
+    """A time that ROS has no stamp for: the machine's clock is wrong, or it is later than January 2038."""
+
+
 def encode_header(stamp_ns: int, frame: str) -> bytes:
     """std_msgs/Header, padded to 4 for what follows."""
     seconds, nanoseconds = divmod(stamp_ns, SECOND)
     if not -(2**31) <= seconds < 2**31:
-        raise ValueError(f"the stamp {stamp_ns} ns does not fit into ROS's 32-bit seconds")
+        what = f"the clock says {stamp_ns / SECOND:.3f} s since 1970"
+        raise StampError(f"{what}, which does not fit into the 32-bit seconds of ROS's stamps, those until January 2038: set the clock")
     return padded(_STAMP.pack(seconds, nanoseconds) + encode_text(frame), 4)
 
 
