@@ -303,7 +303,7 @@ def test_check_praises_a_whole_log_and_blames_a_holey_one(drive: Path, tmp_path:
     done = echogrid("check", "-c", drive / "echogrid.toml", tmp_path / "holes.log")
     assert (done.returncode, done.stderr) == (2, "")
     assert "[lost_frames] radar front_right: " in done.stdout
-    assert "[radar_missing] radar rear_left: none of its frames (0x320, 0x321) is in the recording" in done.stdout
+    assert "[radar_missing] radar rear_left: none of its frames (0x320, 0x321) was heard" in done.stdout
 
 
 def test_learned_first_a_stop_at_the_end_straightens_the_whole_way(tmp_path: Path) -> None:

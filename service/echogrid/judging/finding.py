@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 CODES = {
     "motion_missing": "no frame of wheel speeds or yaw rate was decoded",
-    "pose_missing": "no frame of the pose from outside is in the recording",
+    "pose_missing": "no frame of the pose from outside was heard",
     "pose_swapped": "latitude and longitude of the pose from outside have each other's place",
     "pose_mirrored": "the places of the pose from outside go the other way round than the car",
     "pose_heading_sign": "the heading of the pose from outside has the wrong sign",
     "pose_heading_unit": "the heading of the pose from outside is off by a unit's factor",
     "pose_heading_offset": "the heading of the pose from outside is off by an angle",
-    "radar_missing": "no frame of the radar is in the recording",
+    "radar_missing": "no frame of the radar was heard",
     "no_channels": "the recording does not say which bus a frame is of",
     "wrong_channel": "the bus's frames are on another channel of the recording",
     "wrong_bus": "the frames are on another of the configured buses",

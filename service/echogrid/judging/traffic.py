@@ -56,7 +56,7 @@ def judge_traffic(owners: Sequence[Owner], heard: Heard, channels: Mapping[str, 
         places = {moved[owner.name].channel for owner in theirs if owner.name in moved and not moved[owner.name].shift}
         if len(places) == 1 and (channel := places.pop()) not in on_bus:
             sentence = (
-                f"bus '{bus}': its frames are on channel {channel} of this recording, none are on the one that the configuration names"
+                f"bus '{bus}': its frames are on channel {channel}, none are on the one that the configuration names"
             )
             share = sum(owner.name in moved for owner in theirs) / len(theirs)
             found.append(Finding("wrong_channel", sentence, share, "of its senders", 0.99, "ids", subject=bus))
@@ -92,7 +92,7 @@ def _about(owner: Owner, place: Moved | None, on_bus: Mapping[str, str]) -> Find
     subject = "" if owner.radar else owner.name
     if place is None:
         code = f"{kind}_missing"
-        sentence = f"{what}: none of its frames ({ids}) is in the recording, under no id and on no channel that would fit"
+        sentence = f"{what}: none of its frames ({ids}) was heard, under no id and on no channel that would fit"
         return Finding(code, sentence, 0.0, "frames", 0.95, "ids", radars, subject)
     if place.shift:
         sentence = (
