@@ -247,7 +247,7 @@ def test_check_says_where_the_poses_are(tmp_path: Path) -> None:
     there = write(tmp_path / "there", biased(3.0) + poses(3.0))
     done = echogrid("check", "-c", there / "echogrid.toml")
     assert (done.returncode, done.stderr) == (0, "")
-    assert "4 radars and ego motion, and a pose from bus can0, on 1 buses" in done.stdout
+    assert "4 radars and ego motion, and a pose from bus can0, on 1 bus," in done.stdout
     codes = {}
     for name, messages in (("there", None), ("none", biased(3.0)), ("other", biased(3.0) + [on_can1(message) for message in poses(3.0)])):
         folder = there if messages is None else write(tmp_path / name, messages, POSE + '\n[[bus]]\nname = "ins"\nchannel = "can1"\n')

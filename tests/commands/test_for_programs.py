@@ -54,7 +54,8 @@ def test_published_too(endpoint: str, tmp_path: Path) -> None:
 def test_a_configuration_alone(drive: Path) -> None:
     told = json.loads(echogrid("check", "-c", drive / "echogrid.toml", "--json").stdout)
     words = echogrid("check", "-c", drive / "echogrid.toml").stdout
-    assert words.endswith(f"{len(told['radars'])} radars and ego motion on {len(told['buses'])} buses, {told['ids']} ids are read\n")
+    assert len(told["buses"]) == 1
+    assert words.endswith(f"{len(told['radars'])} radars and ego motion on 1 bus, {told['ids']} ids are read\n")
     assert set(told["radars"]) == {"front_left", "front_right", "rear_left", "rear_right"}
     assert (told["log"], told["findings"]) == (None, [])
 

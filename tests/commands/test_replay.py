@@ -268,6 +268,22 @@ def test_a_pause_of_the_recording_is_no_time_of_a_good_map(drive: Path, tmp_path
     assert done.stdout.index("stale: nothing received") < done.stdout.index("new map: ego motion: the first sample")
 
 
+def test_where_channels_have_other_names_no_radar_is_sent_to_another_bus(drive: Path, tmp_path: Path) -> None:
+    """A configuration out of a file that numbers channels, and a log that names them: 'can1' is taken for number 1."""
+    with can.Logger(tmp_path / "two.log") as logger:
+        for message in can.LogReader(drive / "can.log"):
+            message.channel = "can1" if message.arbitration_id >= 0x320 else "can0"
+            logger.on_message_received(message)
+    numbered = (drive / "echogrid.toml").read_text().split("[[radar]]")
+    second = '[[bus]]\nname = "rear"\nchannel = "can1"\nlog_channel = 2\n\n[[radar]]'
+    rear = [part.replace('bus = "can0"', 'bus = "rear"') for part in numbered[3:]]
+    text = numbered[0].replace('channel = "can0"', 'channel = "can0"\nlog_channel = 1') + second + "[[radar]]".join([*numbered[1:3], *rear])
+    (tmp_path / "echogrid.toml").write_text(text)
+    with pytest.raises(NoMapError) as said:
+        replay(find_drive(tmp_path / "two.log", tmp_path / "echogrid.toml"), tmp_path / "out")
+    assert str(said.value).endswith("of channel 'can0', expected '1': give log_channel = \"can0\" to the bus 'can0'")
+
+
 def test_changes_of_state_are_said_and_counted(drive: Path, tmp_path: Path) -> None:
     """A radar that is silent for a second in the middle, and ego motion that is lost at the end: no map to be trusted."""
     with can.Logger(tmp_path / "faults.log") as logger:

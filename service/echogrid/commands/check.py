@@ -46,7 +46,9 @@ def command(
             return True
         pose = config.pose
         beside = "" if pose is None else f", and a pose from {f'bus {pose.bus}' if pose.bus else f'key {pose.key}'},"
-        print(f"{config_path}: {len(config.radar)} radars and ego motion{beside} on {len(config.bus)} buses, {len(readers)} ids are read")
+        radars = f"{len(config.radar)} radar{'s' * (len(config.radar) != 1)}"
+        buses = "1 bus" if len(config.bus) == 1 else f"{len(config.bus)} buses"
+        print(f"{config_path}: {radars} and ego motion{beside} on {buses}, {len(readers)} ids are read")
         return True
     for written, suffix in ((page, ".html"), (fix_out, ".toml")):
         if written is not None:

@@ -15,7 +15,7 @@ from echogrid.config.loading import load_config
 from echogrid.errors import EchogridError
 from echogrid.files import check_file, whole
 from echogrid.logs.log import Log
-from echogrid.surveying.heard import Heard
+from echogrid.surveying.heard import Channel, Heard
 from echogrid.surveying.proposal import Proposal, propose
 from echogrid.surveying.senders import Source
 from echogrid.surveying.survey import Survey, survey
@@ -121,19 +121,22 @@ def _document(found: Survey, proposal: Proposal, report: Report | None, files: S
     }
 
 
+def _channel(channel: Channel) -> str:
+    """A name as it is, and a number with what it counts."""
+    return f"channel {channel.name}" if isinstance(channel.name, int) else channel.name or "the only channel"
+
+
 def _told(found: Survey, proposal: Proposal, report: Report | None, log: Path, out: Path, names: Sequence[str]) -> list[str]:
     """What was found, what is uncertain, what is missing and what a check still says."""
     lines = []
     for radar in found.radars:
         sender = radar.sender
         what = sender.profile or f"the DBC's {sender.draft.tables['detections']['messages'] if sender.draft else ''}"
-        channel, shift = sender.channel.name or "the only channel", f", ids {sender.shift:+#x}" if sender.shift else ""
+        channel, shift = _channel(sender.channel), f", ids {sender.shift:+#x}" if sender.shift else ""
         lines.append(f"radar {radar.mount.name}: {what} on {channel}{shift}: {len(sender.scans)} scans, {sender.share:.0%} of them whole")
     if found.motion is not None:
         wheels, turning = found.motion.messages
-        lines.append(
-            f"motion: {found.motion.profile or f'{wheels} and {turning} of the DBC'} on {found.motion.channel.name or 'the only channel'}"
-        )
+        lines.append(f"motion: {found.motion.profile or f'{wheels} and {turning} of the DBC'} on {_channel(found.motion.channel)}")
     uncertain = proposal.uncertain()
     if not found.signs.sure and found.first_bend is not None:
         time, degrees = found.first_bend

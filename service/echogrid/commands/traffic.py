@@ -83,7 +83,8 @@ class Traffic:
                 f"frames with ids that are read are of channel {shown.replace(chr(34), chr(39))}, expected '{bus.logged_as}': "
                 f"give log_channel = {shown} to the bus '{bus.name}'"
             )
-        said += self._on_other_buses(missed)
+        if not said:  # with its channel put right, a bus may be another
+            said += self._on_other_buses(missed)
         found = {frame_id for _, _, frame_id in self.unread} - expected
         longer = sorted(number for number, extended in found if (number, not extended) in expected)
         if longer:

@@ -105,6 +105,10 @@ def test_mistakes_are_one_sentence(car: Path, labelled: Path, tmp_path: Path, ca
         assert expected in printed.err
         assert printed.err.count("\n") == 1
     assert not out.exists()
+    torn = shutil.copytree(car, tmp_path / "torn")
+    (torn / "can.log.gz").write_bytes(b"noise")
+    assert bring(torn, car / "lidar.mcap", out) == 1
+    assert capsys.readouterr().err.startswith(f"{torn / 'can.log.gz'}: holds no CAN message")
     shutil.copytree(labelled, tmp_path / "cars" / "still")
     still = tmp_path / "cars" / "still" / "lidar.npz"
     np.savez(still, stamp_ns=np.zeros(0, np.int64), offsets=np.zeros(1, np.int64), xyz_cm=np.zeros((0, 3), np.int16))

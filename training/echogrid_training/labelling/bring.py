@@ -97,6 +97,9 @@ def run(options: argparse.Namespace, track: Track = untracked) -> str:
             write_poses(partial / POSES, poses)
         write_turns(partial / LIDAR, turns)
         partial.rename(out)
+    except EchogridError as error:  # of the copy, which nobody knows
+        theirs = str(error).replace(str(partial / f"can{ending}"), str(options.log)).replace(str(partial / CONFIG), str(options.config))
+        raise EchogridError(theirs) from error
     finally:
         shutil.rmtree(partial, ignore_errors=True)
     seconds, points = (last - first) * 1e-9, int(np.mean([len(turn.points) for turn in turns]))
