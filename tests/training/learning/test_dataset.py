@@ -170,6 +170,7 @@ def test_drives_are_found_however_deep(tmp_path: Path) -> None:
         (tmp_path / name).mkdir(parents=True)
         (tmp_path / name / "truth.npz").touch()
     assert find_drives(tmp_path) == [tmp_path / "a/train-00000", tmp_path / "b/train-00001"]
+    assert len(find_drives(tmp_path / "a" / "..")) == 2  # what hides is below the folder, not on the way to it
     with pytest.raises(EchogridError, match="there is no such folder"):
         find_drives(tmp_path / "c")
     (tmp_path / "empty").mkdir()

@@ -135,7 +135,8 @@ def find_drives(folder: Path) -> list[Path]:
     """The simulated drives in a folder, however deep, by path. Raises EchogridError where there are none."""
     if not folder.is_dir():
         raise EchogridError(f"{folder}: there is no such folder of simulated drives")
-    found = sorted(path.parent for path in folder.rglob("truth.npz") if not any(part.startswith(".") for part in path.parts))
+    truths = folder.rglob("truth.npz")
+    found = sorted(path.parent for path in truths if not any(part.startswith(".") for part in path.relative_to(folder).parts))
     if not found:
         raise EchogridError(f"{folder}: holds no simulated drives; make some with: echogrid-train simulate --out {folder} …")
     return found
