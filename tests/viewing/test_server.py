@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import http.client
 import json
+import re
 import socket
 import ssl
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +21,7 @@ from tests.support.waiting import until
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
+from echogrid.commands.showing.view import Wanted, show_of
 from echogrid.errors import EchogridError
 from echogrid.viewing import viewer as viewing
 from echogrid.viewing.doors import Door, door
@@ -280,3 +283,19 @@ def test_the_command_refuses_in_one_sentence(tmp_path: Path) -> None:
         assert done.returncode == 1
         assert done.stderr.startswith(f"echogrid: {sentence}")
         assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("what", "option", "value", "sentence"),
+    [
+        (None, "epoch", 3, "--epoch: is not for a running service"),
+        ("map.npz", "model", "paper", "--model: is not for a stored map"),
+        ("drive.mcap", "model", "paper", "--model: is not for a recording as it was published"),
+        ("drive", "epoch", 3, "--epoch: is not for a drive"),
+        ("drive", "vehicle", "car", "--vehicle: is not for a drive"),
+    ],
+)
+def test_an_option_that_would_change_nothing_is_refused(what: str | None, option: str, value: object, sentence: str) -> None:
+    plain = Wanted(None if what is None else Path(what), None, None, None, "tcp/127.0.0.1:1", None, None)
+    with pytest.raises(EchogridError, match=re.escape(sentence)):
+        show_of(replace(plain, **{option: value}))

@@ -7,6 +7,7 @@ import logging
 import signal
 import socket
 import threading
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -52,13 +53,24 @@ def show_of(wanted: Wanted) -> Show:
     """A folder or a log with a configuration is mapped, an MCAP file without one is shown as it was published, a stored map as it is."""
     path = wanted.path
     if path is None:
+        _check_options(wanted, "a running service", ("vehicle", "tls"))
         credentials = Credentials(*wanted.tls) if wanted.tls else None
         return LiveShow(LiveFeed(wanted.endpoint, wanted.vehicle, credentials))
     if path.suffix in SUFFIXES and not path.is_dir():
+        _check_options(wanted, "a stored map", ("epoch",))
         return MapShow(stored_scene(path, wanted.epoch))
     if path.suffix == ".mcap" and wanted.config is None:
+        _check_options(wanted, "a recording as it was published (with -c it is mapped anew)", ())
         return TapeShow(McapFeed(path))
+    _check_options(wanted, "a drive", ("config", "model"))
     return TapeShow(DriveFeed(find_drive(path, wanted.config), wanted.model))
+
+
+def _check_options(wanted: Wanted, what: str, taken: Sequence[str]) -> None:
+    """Raises EchogridError for an option that would change nothing of what is shown."""
+    for name in ("config", "model", "epoch", "vehicle", "tls"):
+        if name not in taken and getattr(wanted, name) is not None:
+            raise EchogridError(f"--{name}: is not for {what}")
 
 
 def demo_drive() -> Path:
