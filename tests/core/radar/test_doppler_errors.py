@@ -45,6 +45,17 @@ def test_derivatives_equal_finite_differences() -> None:
         np.testing.assert_allclose(slope[:, n], (ends[0] - ends[1]) / 2e-5, atol=1e-6)
 
 
+def test_what_was_taken_off_wheels_and_gyro_is_put_back() -> None:
+    """The same scan says the same, whatever of the errors the ego motion has already lost."""
+    errors, one = ErrorFilter(tuple(MOUNTS)), placed("front_left")
+    errors.mean[rows_of(errors, "front_left")] = 0.01
+    before = equations(one, errors, NOISE)
+    errors.scale, errors.bias = 0.02, -0.03
+    corrected = PlacedScan(one.scan, one.mount, EGO._replace(speed=EGO.speed * 1.02, yaw_rate=EGO.yaw_rate + 0.03))
+    for mine, its in zip(equations(corrected, errors, NOISE), before, strict=True):
+        np.testing.assert_allclose(mine, its, rtol=1e-9, atol=1e-9)
+
+
 def test_without_errors_nothing_is_left_of_what_stands() -> None:
     _, left, weight = equations(placed("rear_left"), ErrorFilter(tuple(MOUNTS)), NOISE)
     np.testing.assert_allclose(left, 0.0, atol=1e-12)

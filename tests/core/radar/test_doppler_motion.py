@@ -47,6 +47,16 @@ def seen_by(scans: list[RadarScan]) -> DopplerMotion | None:
     return doppler_motion(Sweep.of([PlacedScan(one, mount, ego) for one, mount in zip(scans, MOUNTS, strict=False)], GateNoise()))
 
 
+def test_support_is_the_share_that_agrees_beyond_the_two_that_any_motion_explains() -> None:
+    rng = np.random.default_rng(5)
+    scans = [scan(mount, 8.0, 0.1, rng) for mount in MOUNTS]
+    for one in scans:
+        one.range_rate[:5] += 30.0
+    seen = seen_by(scans)
+    assert seen is not None
+    assert seen.support == (80 - 2) / (100 - 2)
+
+
 @pytest.mark.parametrize(("speed", "yaw_rate"), [(0.0, 0.0), (8.0, 0.0), (-3.0, 0.2), (5.0, -0.5), (25.0, 0.05)])
 def test_speed_and_yaw_rate_are_seen_among_a_third_of_movers(speed: float, yaw_rate: float) -> None:
     rng = np.random.default_rng(3)
@@ -71,6 +81,7 @@ def test_too_few_say_nothing() -> None:
     rng = np.random.default_rng(5)
     assert seen_by([scan(MOUNTS[0], 5.0, 0.0, rng, 0)]) is None
     assert seen_by([scan(MOUNTS[0], 5.0, 0.0, rng, LEAST - 1)]) is None
+    assert seen_by([scan(MOUNTS[0], 5.0, 0.0, rng, LEAST)]) is not None
 
 
 def test_what_is_beyond_the_mounts_range_does_not_count() -> None:
