@@ -63,7 +63,7 @@ def test_a_folder_that_cannot_be_made_is_said_first(
     assert cli.main([*line.split(), out]) == 1
     said = capsys.readouterr().err
     assert said.startswith(f"{out}: ")
-    assert said.endswith(("a file, expected a folder\n" if not below else " is a file\n"))
+    assert said.endswith("a file, expected a folder\n" if not below else " is a file\n")
     assert said.count("\n") == 1
     assert Path("note").read_text() == "mine"
 
