@@ -55,9 +55,7 @@ def judge_traffic(owners: Sequence[Owner], heard: Heard, channels: Mapping[str, 
         theirs = [owner for owner in silent if owner.bus == bus]
         places = {moved[owner.name].channel for owner in theirs if owner.name in moved and not moved[owner.name].shift}
         if len(places) == 1 and (channel := places.pop()) not in on_bus:
-            sentence = (
-                f"bus '{bus}': its frames are on channel {channel}, none are on the one that the configuration names"
-            )
+            sentence = f"bus '{bus}': its frames are on channel {channel}, none are on the one that the configuration names"
             share = sum(owner.name in moved for owner in theirs) / len(theirs)
             found.append(Finding("wrong_channel", sentence, share, "of its senders", 0.99, "ids", subject=bus))
             silent = [owner for owner in silent if owner not in theirs or moved.get(owner.name) != Moved(channel)]
