@@ -28,6 +28,7 @@ class Gathering:
         self._last: dict[str, tuple[int, int]] = {}  # by radar: the newest scan's time, and its period; 0 is not known
         self._newest_ns = 0  # of all scans
         self._earliest_ns = 0  # the cycle does not end before
+        self._soonest_ns = 0
         self._asked = False  # whether that has passed, and scans were due
         self._none_due = False  # whether that has passed, and none was
 
@@ -48,13 +49,14 @@ class Gathering:
         if self.begin_ns is None:
             return self._begin(now_ns, empty=True)
         if self._none_due or now_ns < self.latest_ns:
-            return self._begin(max(self._newest_ns, self._earliest_ns - self._slack_ns // 2), empty=empty)
+            return self._begin(max(self._newest_ns, min(self._earliest_ns - self._slack_ns // 2, now_ns + self._slack_ns)), empty=empty)
         rounds = (now_ns - self.begin_ns - self._slack_ns) // self._cycle_ns
         return self._begin(self.begin_ns + rounds * self._cycle_ns, empty=empty or rounds > 1)
 
     def _begin(self, at_ns: int, *, empty: bool) -> None:
         self.begin_ns, self._asked, self._none_due = at_ns, False, False
         self._earliest_ns = at_ns if empty else at_ns + self._cycle_ns - self._slack_ns
+        self._soonest_ns = at_ns if empty else at_ns + self._cycle_ns // 2
 
     @property
     def latest_ns(self) -> int:
@@ -68,7 +70,7 @@ class Gathering:
 
     def is_whole(self, now_ns: int, awaited: Iterable[str]) -> bool:
         """Whether the cycle ends now: time is up, or none of the `awaited` radars is due before that."""
-        if now_ns < self._earliest_ns or self._newest_ns < (self.begin_ns or 0):
+        if now_ns < self._soonest_ns or self._newest_ns < (self.begin_ns or 0):
             return now_ns >= self.latest_ns
         self._none_due = not any(sensor in self._last and self._is_due(*self._last[sensor]) for sensor in awaited)
         self._asked = True
@@ -78,4 +80,6 @@ class Gathering:
         """Whether a radar's next scan is still to come in this cycle: one that would have come before the newest one is lost."""
         if not period:
             return self.latest_ns - heard_ns <= self._max_age_ns
-        return self._newest_ns - self._slack_ns <= heard_ns + period <= self.latest_ns
+        once = heard_ns > (self.begin_ns or 0) and period > self._cycle_ns - self._slack_ns
+        last_ns = min(self._newest_ns + self._slack_ns // 2, self.latest_ns) if once else self.latest_ns
+        return self._newest_ns - self._slack_ns <= heard_ns + period <= last_ns
