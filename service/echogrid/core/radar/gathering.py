@@ -72,14 +72,24 @@ class Gathering:
         """Whether the cycle ends now: time is up, or none of the `awaited` radars is due before that."""
         if now_ns < self._soonest_ns or self._newest_ns < (self.begin_ns or 0):
             return now_ns >= self.latest_ns
-        self._none_due = not any(sensor in self._last and self._is_due(*self._last[sensor]) for sensor in awaited)
+        heard = [self._last[sensor] for sensor in awaited if sensor in self._last]
+        if now_ns < self._earliest_ns and not all(self._comes_once(period) for _, period in heard):
+            return False
+        self._none_due = not any(self._is_due(*one) for one in heard)
         self._asked = True
         return self._none_due or now_ns >= self.latest_ns
 
+    def _comes_once(self, period: int) -> bool:
+        """Whether a radar is one that has a scan in each cycle, be it that some were lost."""
+        times = max(round(period / self._cycle_ns), 1)
+        return abs(period - times * self._cycle_ns) <= 2 * self._slack_ns
+
     def _is_due(self, heard_ns: int, period: int) -> bool:
-        """Whether a radar's next scan is still to come in this cycle: one that would have come before the newest one is lost."""
+        """Whether a radar's next scan is still to come in this cycle: one that would have come before the newest one is lost, and one that
+        comes once a cycle and has come is due in the next, unless it is about to come with the others."""
         if not period:
             return self.latest_ns - heard_ns <= self._max_age_ns
-        once = heard_ns > (self.begin_ns or 0) and period > self._cycle_ns - self._slack_ns
-        last_ns = min(self._newest_ns + self._slack_ns // 2, self.latest_ns) if once else self.latest_ns
+        last_ns = self.latest_ns
+        if self._comes_once(period) and heard_ns > (self.begin_ns or 0):
+            last_ns = min(last_ns, self._newest_ns + self._slack_ns // 4)
         return self._newest_ns - self._slack_ns <= heard_ns + period <= last_ns
