@@ -15,7 +15,7 @@ from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
 from echogrid.core.health import Health
 from echogrid.judging.finding import CODES
-from echogrid.topics.topic import ALIVE, FLEET, REGION, TILE, TOPICS
+from echogrid.topics.topic import ALIVE, FLEET, REGION, RUN, TILE, TOPICS
 from tests.support.places import ROOT
 
 
@@ -61,7 +61,7 @@ def test_every_topic_is_in_the_interface_with_its_type_and_its_name_under_ros() 
     rows = re.findall(r"(?m)^\| `([\w/]+)[^`|]*` \| ([^|]*) \|[^|]*\| (?:`(\S+)` )?\|$", text)
     told = {name: (re.findall(r"`(\w+/msg/\w+)`|(JSON) object", payload), ros or None) for name, payload, ros in rows}
     ours = {topic.name: ([(topic.type or "", "" if topic.type else "JSON")], topic.ros) for topic in (*TOPICS, FLEET)}
-    assert told == ours | {ALIVE: ([], None), REGION: ([], None), f"{TILE}/": ([], None)}
+    assert told == ours | {ALIVE: ([], None), f"{RUN}/": ([], None), REGION: ([], None), f"{TILE}/": ([], None)}
     (kept,) = re.findall(r"Of (.*?) the last sample is kept", text)
     assert set(re.findall(r"`(\w+)`", kept)) == {topic.name.rpartition("/")[2] for topic in TOPICS if topic.kept}
 
