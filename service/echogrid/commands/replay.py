@@ -68,6 +68,14 @@ def command(
             on_progress=advance,
             say=tell,
         )
+    return reported(summary, drive, out, as_json=as_json)
+
+
+def reported(summary: dict[str, Any], drive: Drive, out: Path, *, as_json: bool) -> bool:
+    """The map where a terminal shows it, and the summary in words, or as JSON alone; whether the map is to be trusted.
+
+    Raises EchogridError where the recording's times are wrong.
+    """
     if not as_json:
         show_map(out)
     report(summary, out, as_json=as_json)

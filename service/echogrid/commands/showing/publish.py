@@ -10,14 +10,14 @@ from typing import Any
 
 import msgspec
 
-from echogrid.commands.recorder import Recorder, report
-from echogrid.commands.replay import aside, check_outputs, first_ns, in_part, nothing_known, say, true_poses, why_none
+from echogrid.commands.recorder import Recorder
+from echogrid.commands.replay import aside, check_outputs, first_ns, in_part, nothing_known, reported, say, true_poses, why_none
 from echogrid.commands.state_log import StateLog
-from echogrid.commands.terminal import progress, show_map
+from echogrid.commands.terminal import progress
 from echogrid.commands.traffic import Traffic
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
-from echogrid.errors import EchogridError, NoMapError
+from echogrid.errors import NoMapError
 from echogrid.live.player import Player, on_virtual_buses
 from echogrid.live.service import Service
 from echogrid.logs.drive import Drive, find_drive
@@ -52,12 +52,7 @@ def command(
             on_start=_stoppable,
             say=aside if as_json else say,
         )
-    if not as_json:
-        show_map(out)
-    report(summary, out, as_json=as_json)
-    if summary["faults"]:
-        raise EchogridError(f"{drive.log}: {'; '.join(summary['faults'])}")
-    return summary["not_to_be_trusted"] is None
+    return reported(summary, drive, out, as_json=as_json)
 
 
 def publish(
