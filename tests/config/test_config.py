@@ -143,6 +143,7 @@ def test_the_command_lines_model_stands_in_for_the_files(tmp_path: Path, monkeyp
     monkeypatch.chdir(tmp_path.parent)
     assert load_config(path).model == "paper"
     assert load_config(path, "default").model == "default"
+    (tmp_path.parent / "net.onnx").touch()
     assert load_config(path, "net.onnx").model == str(tmp_path.parent / "net.onnx")
     with pytest.raises(EchogridError, match="map.fusion: 'looks' found, expected 'sum' for the analytic model"):
         load_config(path, "analytic")
