@@ -161,7 +161,8 @@ def motion_signals(database: Database) -> list[MotionSignals]:
     usable = [message for message in database.messages if message.fault is None and 0 < message.length <= 64]
     speeds: list[tuple[Message, tuple[Signal, Signal]]] = []
     for message in usable:
-        told = {role: signal for signal in message.signals if (role := wheel_of(signal)) is not None and signal.name not in message.unread}
+        read = [signal for signal in message.signals if signal.name not in message.unread]
+        told = {role: signal for signal in read if (role := wheel_of(signal, message.name)) is not None}
         if "rear_left" in told and "rear_right" in told:
             speeds.append((message, (told["rear_left"], told["rear_right"])))
         elif "speed" in told:

@@ -86,15 +86,18 @@ def detection_role(signal: Signal) -> str | None:
     return "rcs" if said & ECHO and unit in (None, "dBsm") else None
 
 
-def wheel_of(signal: Signal) -> str | None:
-    """rear_left, rear_right, or "speed" for one speed of the whole car; None where it is no speed of those."""
+def wheel_of(signal: Signal, message: str = "") -> str | None:
+    """rear_left, rear_right, or "speed" for one speed of the whole car; None where it is no speed of those. A `message` whose name says
+    that it has the wheels' may call them RL and RR."""
     words = tokens(signal.name)
     said, unit = set(words), unit_of(signal)
     if unit not in (None, "m/s", "km/h", "rad/s", "rpm") or signal.length < 8 or said & (NO_VALUE - {"a", "z", "val"}) - {"v"}:
         return None
+    corner = corner_of(signal.name)
+    if unit and set(tokens(message)) & WHEEL and said <= CORNERS.keys() | REAR | LEFT | RIGHT:
+        return corner if corner in ("rear_left", "rear_right") else None
     if not said & WHEEL_RATE and not (said & WHEEL and unit):
         return None
-    corner = corner_of(signal.name)
     if said & WHEEL or "wheel" in "".join(words):
         return corner if corner in ("rear_left", "rear_right") else None
     vehicle = said & {"vehicle", "veh", "car", "fzg", "ego", "speed", "velocity", "geschw"}
