@@ -106,7 +106,8 @@ def test_a_car_without_radars_has_no_group() -> None:
 def test_a_message_of_the_wheels_may_call_them_by_their_corners_alone(message: str, found: bool) -> None:
     """As Mazda's does; the yaw rate lies under two selectors."""
     corners = "".join(f' SG_ {name} : {16 * n}|16@1+ (0.01,-100) [0|555] "kph" X\n' for n, name in enumerate(("FL", "FR", "RL", "RR")))
-    imu = ' SG_ Page M : 0|4@1+ (1,0) [0|15] "" X\n SG_ Sub m1M : 4|4@1+ (1,0) [0|15] "" X\n SG_ Yaw_Rate m2 : 8|16@1- (0.01,0) [-9|9] "deg/s" X\n'
+    imu = ' SG_ Page M : 0|4@1+ (1,0) [0|15] "" X\n SG_ Sub m1M : 4|4@1+ (1,0) [0|15] "" X\n'
+    imu += ' SG_ Yaw_Rate m2 : 8|16@1- (0.01,0) [-9|9] "deg/s" X\n'
     text = f'VERSION ""\nBU_: X\nBO_ 256 {message}: 8 X\n{corners}\nBO_ 258 Imu: 8 X\n{imu}\n'
     read = dbc_file.parse(f"{text}SG_MUL_VAL_ 258 Sub Page 1-1;\nSG_MUL_VAL_ 258 Yaw_Rate Sub 2-2;\n".encode())
     told = [(one.wheels.name, *(signal.name for signal in one.rear), one.yaw_rate.name) for one in motion_signals(read)]
