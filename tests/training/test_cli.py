@@ -10,7 +10,7 @@ import pytest
 from tests.support.recordings import make_recording
 
 from echogrid.config.loading import load_config
-from echogrid_training import cli
+from echogrid_training import __main__, cli
 from echogrid_training.recording import Recording
 
 
@@ -61,3 +61,16 @@ def test_nothing_here_needs_torch() -> None:
     """Drives are made on machines that train nothing."""
     code = "import sys; sys.modules['torch'] = None; import echogrid_training.cli"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_ctrl_c_is_130_whenever_it_comes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """While the program is loading too, which nothing inside it could catch."""
+    monkeypatch.setitem(sys.modules, "asammdf", None)  # set back afterwards
+
+    def stopped() -> int:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "main", stopped)
+    with pytest.raises(SystemExit) as ended:
+        __main__.run()
+    assert ended.value.code == 130

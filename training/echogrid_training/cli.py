@@ -1,4 +1,4 @@
-"""echogrid-train: makes drives to replay, out of public recordings, of simulated towns, or of one generated scene."""
+"""echogrid-train: drives out of recordings and simulated towns; networks that learn from them; what a map is worth on them."""
 
 from __future__ import annotations
 
@@ -123,23 +123,22 @@ def _parser() -> argparse.ArgumentParser:
     place.add_argument("--osm", type=Path, metavar="FILE", help="an OpenStreetMap extract, .osm or .osm.pbf, instead")
     towns.add_argument("--towns", type=fit.positive, required=True, metavar="N", help="how many drives")
     towns.add_argument("--seconds", type=_seconds, default=60.0, metavar="T", help="of each drive (default: 60)")
-    towns.add_argument("--seed", type=int, default=0, metavar="S")
+    towns.add_argument("--seed", type=int, default=0, metavar="S", help="the same seed makes the same drives (default: 0)")
     seen = towns.add_mutually_exclusive_group()
     seen.add_argument("--sensors", choices=campaign.SENSORS, default="drawn", help="of every drive (default: drawn)")
     seen.add_argument("--like", type=Path, nargs="+", metavar="DRIVE", help="radars like those of the cars of these drives, by turns")
     towns.add_argument("--workers", type=fit.positive, default=os.cpu_count() or 1, metavar="N", help="processes; the result is the same")
-    towns.add_argument("--out", type=Path, required=True, metavar="DIR")
-    towns.set_defaults(command=_simulate)
-
+    towns.add_argument("--out", type=Path, required=True, metavar="DIR", help="a folder for the drives' folders")
     towns.add_argument("--lidar", action="store_true", help="also write each drive's lidar, as a bag of ROS 2 would hold it: lidar.mcap")
+    towns.set_defaults(command=_simulate)
 
     truth = commands.add_parser("label", help="the true map of your own drives, out of their lidar")
     label.add_arguments(truth)
     truth.set_defaults(command=_label)
 
     look = commands.add_parser("inspect", help="detections, lidar, truth and pose of a simulated drive: a picture and an animation")
-    look.add_argument("drive", type=Path, metavar="DRIVE")
-    look.add_argument("--out", type=Path, required=True, metavar="DIR")
+    look.add_argument("drive", type=Path, metavar="DRIVE", help="a folder that `simulate` wrote")
+    look.add_argument("--out", type=Path, required=True, metavar="DIR", help="for drive.png and drive.gif")
     look.set_defaults(command=_inspect)
 
     learn = commands.add_parser("fit", help="train a network on simulated drives, and write it as ONNX")

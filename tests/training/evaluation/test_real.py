@@ -100,13 +100,14 @@ def test_drives_are_scored_beside_each_other(model: str, tmp_path: Path) -> None
 
 
 def test_a_sequence_gives_the_scores_of_the_same_street(model: str, tmp_path: Path) -> None:
-    figures, _ = evaluate("radarscenes", sequence(tmp_path / "seq_1.npz"), model=model, out=tmp_path, more=("--sum",))
+    figures, tables = evaluate("radarscenes", sequence(tmp_path / "seq_1.npz"), model=model, out=tmp_path, more=("--sum",))
     (drive,) = figures["drives"]
     assert drive["name"] == "radarscenes-seq_1"
     assert list(drive["methods"]) == ["elfes", "analytic", "looks", "learned", "sum"]
     assert all(one["against"]["elfes"]["equal_area"]["recall"] > 0.8 for name, one in drive["methods"].items() if name != "sum")
     assert all(one["swept"] == 0 for one in drive["methods"].values())
     assert figures["summaries"][0]["recall_first"] is None  # there is no other than the first
+    assert "nan" not in tables
     assert "net.onnx" in figures["model"]
 
 

@@ -136,7 +136,8 @@ def _equal(drive: str, method: str, one: Compared) -> list[str]:
 
 def _summary(one: Summary) -> list[str]:
     occupied = [f"{value:.2f}" for value in (one.recall, one.recall_least, one.recall_share)]
-    first = f"{one.recall_first:.2f} ({one.covered_first:.2f})", f"{one.false_free_first:.2f} ({one.free_first:.2f})"
+    pairs = ((one.recall_first, one.covered_first), (one.false_free_first, one.free_first))
+    first = ["–" if math.isnan(value) else f"{value:.2f} ({area:.2f})" for value, area in pairs]  # one drive alone has no first
     free = f"{one.false_free:.2f}", f"{one.false_free_more:+.2%}"
     return [f"{one.method} / {one.yardstick}", f"{one.swept_more:+.3%}", *occupied, first[0], *free, first[1]]
 
