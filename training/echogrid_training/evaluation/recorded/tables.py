@@ -123,8 +123,14 @@ def _called(drive: str, method: str, one: MethodScores) -> list[str]:
 
 def _beside(drive: DriveScores, method: str) -> list[str]:
     one = beside(drive, method)
-    ap = "–" if math.isnan(one.ap) else f"{one.ap:.2f}"
-    return [drive.name, method, ap, f"{one.recall:.2f}", f"{100 * one.false_free:+.1f}", "kept" if one.kept else "missed"]
+    return [
+        drive.name,
+        method,
+        _or_none(one.ap, ".2f"),
+        f"{one.recall:.2f}",
+        f"{100 * one.false_free:+.1f}",
+        "kept" if one.kept else "missed",
+    ]
 
 
 def _equal(drive: str, method: str, one: Compared) -> list[str]:
@@ -135,11 +141,18 @@ def _equal(drive: str, method: str, one: Compared) -> list[str]:
 
 
 def _summary(one: Summary) -> list[str]:
-    occupied = [f"{value:.2f}" for value in (one.recall, one.recall_least, one.recall_share)]
+    occupied = [_or_none(value, ".2f") for value in (one.recall, one.recall_least, one.recall_share)]
     pairs = ((one.recall_first, one.covered_first), (one.false_free_first, one.free_first))
-    first = ["–" if math.isnan(value) else f"{value:.2f} ({area:.2f})" for value, area in pairs]  # one drive alone has no first
-    free = f"{one.false_free:.2f}", f"{one.false_free_more:+.2%}"
-    return [f"{one.method} / {one.yardstick}", f"{one.swept_more:+.3%}", *occupied, first[0], *free, first[1]]
+    first = [
+        "–" if math.isnan(value) else f"{value:.2f} ({_or_none(area, '.2f')})" for value, area in pairs
+    ]  # one drive alone has no first
+    free = _or_none(one.false_free, ".2f"), _or_none(one.false_free_more, "+.2%")
+    return [f"{one.method} / {one.yardstick}", _or_none(one.swept_more, "+.3%"), *occupied, first[0], *free, first[1]]
+
+
+def _or_none(value: float, form: str) -> str:
+    """A ratio to nothing is none."""
+    return "–" if math.isnan(value) else format(value, form)
 
 
 def _frames(one: FrameScores) -> Iterator[list[str]]:
