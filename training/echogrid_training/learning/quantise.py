@@ -9,6 +9,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import onnx
@@ -101,7 +102,7 @@ def _double_by_joins(graph: onnx.GraphProto, resize: onnx.NodeProto, shape: list
             numpy_helper.from_array(np.array((1, 2 * height, 2 * width, channels)), f"{name}_cells"),
         ]
     )
-    steps = (
+    steps: tuple[tuple[str, tuple[str, ...], dict[str, Any]], ...] = (
         ("Transpose", (before.input[0],), {"perm": (0, 2, 3, 1)}),
         ("Concat", (f"{name}_0",) * 2, {"axis": 3}),
         ("Reshape", (f"{name}_1", f"{name}_rows"), {}),

@@ -52,6 +52,9 @@ class SummedBeams(OccupancyMap):
             for layer, added, clamp in zip(tile.layers, patch, self._clamps, strict=True):
                 loops.add_clamped(added[piece], clamp, LEAST, layer[inside])
 
-    def read(self, layers: Layers) -> LogOdds:
+    def read(self, layers: Layers, into: LogOdds | None = None) -> LogOdds:
         """Of the first."""
-        return np.asarray(layers[0])
+        if into is None:
+            return np.asarray(layers[0])
+        into[:] = layers[0]
+        return into
