@@ -13,24 +13,26 @@ class Gathering:
     """Remembers when the running cycle began and when each radar's scans come.
 
     It ends with the last scan of those that are due in its time, so that none waits for a frame behind it, and in any case a tenth of a
-    cycle later: a radar may be lost. Times are ns of receipt, by the traffic. All of them follow from the scans alone, not from which frame
-    it was behind which the time was seen to be up: a recording has frames that a bus's filter keeps from the service.
+    cycle later: a radar may be lost. Where all radars come once a cycle it may end from its half on, when all have come: however their
+    times jitter, no scan waits. Times are ns of receipt, by the traffic. All of them follow from the scans alone, not from which frame it was
+    behind which the time was seen to be up: a recording has frames that a bus's filter keeps from the service.
     """
 
     def __init__(self, cycle_ns: int, max_age_ns: int) -> None:
         """A radar that is silent for longer than `max_age_ns` after its first scan is not waited for."""
-        self._cycle_ns, self._slack_ns, self._max_age_ns = cycle_ns, cycle_ns // SLACK, max_age_ns
-        self.restart()
-
-    def restart(self) -> None:
-        """Forgets all times: those that follow may be earlier."""
         self.begin_ns: int | None = None
+        self._cycle_ns, self._slack_ns, self._max_age_ns = cycle_ns, cycle_ns // SLACK, max_age_ns
         self._last: dict[str, tuple[int, int]] = {}  # by radar: the newest scan's time, and its period; 0 is not known
         self._newest_ns = 0  # of all scans
-        self._earliest_ns = 0  # the cycle does not end before
-        self._soonest_ns = 0
-        self._asked = False  # whether that has passed, and scans were due
+        self._soonest_ns = 0  # the cycle does not end before, where all radars come once a cycle
+        self._earliest_ns = 0  # nor before this where they do not
+        self._asked_soon = self._asked = False  # whether the one and the other have passed, and scans were due
         self._none_due = False  # whether that has passed, and none was
+
+    def restart(self) -> None:
+        """Forgets all times."""
+        self.begin_ns = None
+        self._last.clear()
 
     def hear(self, scan: RadarScan) -> None:
         """A scan of this cycle, which begins with the first of all."""
@@ -43,8 +45,7 @@ class Gathering:
     def end(self, now_ns: int, *, empty: bool) -> None:
         """The next cycle begins: where time was up, a whole cycle after the last. After an `empty` one the next scan need not wait.
 
-        Where the last scan came a little too early to end it, and a frame behind it did, the next begins a little earlier as well, so that
-        scans do not go on to wait.
+        Where the last scan came a little early the next begins a little earlier as well, so that scans do not go on to wait.
         """
         if self.begin_ns is None:
             return self._begin(now_ns, empty=True)
@@ -54,7 +55,7 @@ class Gathering:
         return self._begin(self.begin_ns + rounds * self._cycle_ns, empty=empty or rounds > 1)
 
     def _begin(self, at_ns: int, *, empty: bool) -> None:
-        self.begin_ns, self._asked, self._none_due = at_ns, False, False
+        self.begin_ns, self._asked_soon, self._asked, self._none_due = at_ns, False, False, False
         self._earliest_ns = at_ns if empty else at_ns + self._cycle_ns - self._slack_ns
         self._soonest_ns = at_ns if empty else at_ns + self._cycle_ns // 2
 
@@ -66,17 +67,17 @@ class Gathering:
     @property
     def ask_ns(self) -> int:
         """When time alone may end the cycle, if no scan does before."""
-        return self.latest_ns if self._asked else self._earliest_ns
+        return self.latest_ns if self._asked else self._earliest_ns if self._asked_soon else self._soonest_ns
 
     def is_whole(self, now_ns: int, awaited: Iterable[str]) -> bool:
         """Whether the cycle ends now: time is up, or none of the `awaited` radars is due before that."""
         if now_ns < self._soonest_ns or self._newest_ns < (self.begin_ns or 0):
             return now_ns >= self.latest_ns
         heard = [self._last[sensor] for sensor in awaited if sensor in self._last]
-        if now_ns < self._earliest_ns and not all(self._comes_once(period) for _, period in heard):
+        self._asked_soon, self._asked = True, now_ns >= self._earliest_ns
+        if not self._asked and not all(self._comes_once(period) for _, period in heard):
             return False
         self._none_due = not any(self._is_due(*one) for one in heard)
-        self._asked = True
         return self._none_due or now_ns >= self.latest_ns
 
     def _comes_once(self, period: int) -> bool:
