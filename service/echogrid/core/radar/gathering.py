@@ -14,8 +14,8 @@ class Gathering:
 
     It ends with the last scan of those that are due in its time, so that none waits for a frame behind it, and in any case a tenth of a
     cycle later: a radar may be lost. Where all radars come once a cycle it may end from its half on, when all have come: however their
-    times jitter, no scan waits. Times are ns of receipt, by the traffic. All of them follow from the scans alone, not from which frame it was
-    behind which the time was seen to be up: a recording has frames that a bus's filter keeps from the service.
+    times jitter, no scan waits. Times are ns of receipt, by the traffic. All of them follow from the scans alone, not from which frame it
+    was behind which the time was seen to be up: a recording has frames that a bus's filter keeps from the service.
     """
 
     def __init__(self, cycle_ns: int, max_age_ns: int) -> None:
