@@ -42,7 +42,9 @@ def cycles(
             if news:
                 gathering.hear(scan(sensor, at_ns))
                 pending.append((at_ns, sensor))
-            if gathering.begin_ns is None or gathering.is_whole(at_ns, awaited):
+            ask_ns = None if gathering.begin_ns is None else gathering.ask_ns
+            if ask_ns is None or gathering.is_whole(at_ns, awaited):
+                assert sensor or ask_ns is None or at_ns >= ask_ns, "a frame ended the cycle that another bus's filter may keep back"
                 gathering.end(at_ns, empty=not pending)
                 found.append((at_ns, pending))
                 pending = []
@@ -134,9 +136,11 @@ def test_a_radar_of_one_scan_is_waited_for_until_that_is_too_old() -> None:
 
 
 def test_when_to_ask() -> None:
-    """A tenth before a cycle's time, when all may have come; then, where something is due, a tenth behind it."""
+    """At a cycle's half, when all may have come that come once; where something is due, a tenth before its time, and a tenth behind it."""
     gathering = Gathering(CYCLE, OLD)
     gathering.hear(scan("a", 0))
+    assert gathering.ask_ns == 25 * MS
+    assert not gathering.is_whole(25 * MS, ("a",))
     assert gathering.ask_ns == 45 * MS
     assert not gathering.is_whole(45 * MS, ("a",))
     assert gathering.ask_ns == gathering.latest_ns == 55 * MS

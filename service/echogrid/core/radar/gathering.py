@@ -20,19 +20,18 @@ class Gathering:
 
     def __init__(self, cycle_ns: int, max_age_ns: int) -> None:
         """A radar that is silent for longer than `max_age_ns` after its first scan is not waited for."""
-        self.begin_ns: int | None = None
         self._cycle_ns, self._slack_ns, self._max_age_ns = cycle_ns, cycle_ns // SLACK, max_age_ns
+        self.restart()
+
+    def restart(self) -> None:
+        """Forgets all times: those that follow may be earlier."""
+        self.begin_ns: int | None = None
         self._last: dict[str, tuple[int, int]] = {}  # by radar: the newest scan's time, and its period; 0 is not known
         self._newest_ns = 0  # of all scans
         self._soonest_ns = 0  # the cycle does not end before, where all radars come once a cycle
         self._earliest_ns = 0  # nor before this where they do not
         self._asked_soon = self._asked = False  # whether the one and the other have passed, and scans were due
         self._none_due = False  # whether that has passed, and none was
-
-    def restart(self) -> None:
-        """Forgets all times."""
-        self.begin_ns = None
-        self._last.clear()
 
     def hear(self, scan: RadarScan) -> None:
         """A scan of this cycle, which begins with the first of all."""
