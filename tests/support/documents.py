@@ -18,6 +18,7 @@ PROGRAMS = {
     "apt",
     "candump",
     "cd",
+    "cp",
     "dask",
     "echogrid",
     "echogrid-train",
