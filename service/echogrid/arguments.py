@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import difflib
+import io
 import math
 import os
 import re
@@ -164,6 +165,12 @@ def add_view(view: argparse.ArgumentParser) -> None:
     view.add_argument("--token", type=Path, metavar="FILE", help="holds what viewers have to show; needed where other machines can come")
     view.add_argument("--certificate", type=Path, nargs=2, metavar=("CERT", "KEY"), help="PEM files: the page over HTTPS")
     view.add_argument("--plaintext", action="store_true", help="other machines may come without HTTPS: on a network of your own")
+
+
+def any_terminal() -> None:
+    """What a terminal's code page, or a file's name, has no letter for is printed as a question mark."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
 
 
 def unread() -> None:

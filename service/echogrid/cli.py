@@ -22,6 +22,7 @@ from echogrid.watching import journal
 
 def main() -> None:
     """Exits with 0, or with another code and one sentence on stderr."""
+    arguments.any_terminal()
     parser = _parser()
     if "_ARGCOMPLETE" in os.environ:
         arguments.complete(parser)

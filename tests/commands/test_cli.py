@@ -77,6 +77,16 @@ def test_a_file_in_place_of_a_folder_or_of_another_is_said_before_any_work(
     assert str(refused.value).startswith(said.format(folder=tmp_path))
 
 
+def test_a_terminal_without_a_letter_gets_a_question_mark(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a code page that has no such letter, and of a file's name that is none in UTF-8: an archive from another system."""
+    monkeypatch.setenv("PYTHONIOENCODING", "ascii")
+    path = tmp_path / os.fsdecode(b"f\xfcr\xc3\xbc.toml")
+    path.write_text(world.CONFIG)
+    done = echogrid("check", "-c", path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith(f"{tmp_path}/f?r?.toml: 4 radars")
+
+
 def test_a_word_that_is_near_nothing_is_not_guessed() -> None:
     assert "did you mean" not in echogrid("xyzzy").stderr
 

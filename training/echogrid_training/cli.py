@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import Progress, track
 
 from echogrid.arguments import Parser as Guessing
-from echogrid.arguments import between, complete, unread
+from echogrid.arguments import any_terminal, between, complete, unread
 from echogrid.errors import EchogridError
 from echogrid.files import check_file, sentence
 from echogrid_training import importing
@@ -77,6 +77,7 @@ class Parser(Guessing):
 
 def main(arguments: list[str] | None = None) -> int:
     """Returns the exit status: 0, or 1 after a sentence on stderr, 130 after Ctrl-C, or 141 where nobody reads any more."""
+    any_terminal()
     parser = _parser()
     if "_ARGCOMPLETE" in os.environ:
         complete(parser)
