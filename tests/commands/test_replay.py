@@ -194,7 +194,7 @@ def test_an_output_that_cannot_be_written_is_said(drive: Path, tmp_path: Path) -
     (tmp_path / "file").write_text("")
     done = echogrid("replay", drive, "--out", tmp_path / "file")
     assert done.returncode == 1
-    assert done.stderr == f"echogrid: {tmp_path / 'file'}: File exists\n"
+    assert done.stderr == f"echogrid: {tmp_path / 'file'}: is a file, expected a folder\n"
 
 
 def test_another_programs_truth_file_is_said_and_stops_nothing(drive: Path, tmp_path: Path) -> None:

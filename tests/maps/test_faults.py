@@ -69,8 +69,8 @@ def both(folder: Path, name: str) -> list[Input]:
     [
         (lambda p: info(p / "no.egmap"), "no.egmap: there is no such file"),
         (lambda p: info(p / "noise.egmap"), "noise.egmap: "),
-        (lambda p: info(p), ": is a folder, expected a map, such as "),
-        (lambda p: show(p), ": is a folder, expected a map, such as "),
+        (lambda p: info(p), ": is a folder, expected a file such as "),
+        (lambda p: show(p), ": is a folder, expected a file such as "),
         (lambda p: show(p / "map.tif"), "map.tif: no map format has its suffix: expected .egmap, .npz, or the .yaml of a map_server map"),
         (lambda p: show(p / "map.npz", epoch=2), "map.npz: has no epochs, and --epoch 2 is given"),
         (lambda p: show(p / "car.egmap", epoch=7), "car.egmap: epoch 7 is not there, found 1, 3"),

@@ -79,13 +79,13 @@ def test_a_replay_with_sixteen_tiles_in_memory_is_bit_for_bit_the_one_with_all(d
 
 
 def test_a_replay_into_another_file_or_a_full_one_is_one_sentence(drive: Drive, tmp_path: Path) -> None:
-    path = tmp_path / "notes.txt"
+    path = tmp_path / "notes.egmap"
     path.write_text("mine")
-    with pytest.raises(EchogridError, match=r"notes\.txt: is not a map of echogrid"):
+    with pytest.raises(EchogridError, match=r"notes\.egmap: is not a map of echogrid"):
         replay(drive, tmp_path / "out", store=path)
     assert path.read_text() == "mine"
     assert not (tmp_path / "out").exists()
-    with pytest.raises(EchogridError, match=r"nowhere.a\.egmap: unable to open database file"):
+    with pytest.raises(EchogridError, match=r"nowhere.a\.egmap: there is no folder "):
         replay(drive, tmp_path / "out", store=tmp_path / "nowhere" / "a.egmap")
 
 

@@ -223,8 +223,8 @@ def test_of_a_cycle_that_the_caller_reads_it_has_header_detections_and_age() -> 
     assert (unread.announced, unread.header.shape, unread.age.shape) == (2, (1, 64), (1, 64))
     assert (unread.header[0, :3].tobytes(), unread.age[0, :2].tobytes()) == (bytes((7, 0, 2)), b"ag")
     assert unread.detections[:, :2].tolist() == [[7, 0], [7, 1]]
-    assembly = Assembly([replace(COUNTED, has_header=False, frames=2)], [SensorHealth()], KNOWN)
-    _, frames, _ = together([page(0, 0), page(0, 1)], ROLES)
+    assembly = Assembly([replace(CLOSED, has_header=False, frames=1)], [SensorHealth()], KNOWN)
+    _, frames, _ = together([page(0, 0), end()], ROLES)
     (cycle,) = assembly.take(frames, 0, 2, NEVER, ALWAYS).cycles
     assert cycle.unread is not None
     assert (cycle.unread.announced, cycle.unread.header, cycle.unread.age) == (-1, None, None)
