@@ -29,6 +29,7 @@ from echogrid.store.stored_map import stored_map
 from echogrid.store.tile_store import TileStore
 from tests.rig import real_bus
 from tests.rig.real_bus import CHASSIS, RADARS
+from tests.support.one_by_one import mapped
 from tests.support.ports import free_port
 
 PATIENCE = 60.0  # s
@@ -165,7 +166,7 @@ def test_two_buses_lose_nothing(service: Running) -> None:
         assert status["buses"][name] == {"frames": counts[channel], "errors": 0, "overflow": 0, "bus_off": 0, "reconnects": 0, "up": True}
     offline = Pipeline(load_config(service.config), service.config)
     for message in service.read(recorded):
-        offline.add("chassis" if message.channel == CHASSIS else "radars", message)
+        mapped(offline, "chassis" if message.channel == CHASSIS else "radars", message)
     assert {name: sensor["complete"] for name, sensor in status["sensors"].items()} == {
         name: sensor.complete for name, sensor in offline.health.sensors.items()
     }
