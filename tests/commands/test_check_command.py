@@ -53,8 +53,9 @@ def test_what_is_mended_is_sound(mirrored: tuple[Path, Path], tmp_path: Path) ->
     assert told["radars"]["front_left"]["rate_hz"] == pytest.approx(20.0, abs=0.1)
     text = (tmp_path / "mended.toml").read_text()
     assert 'vehicle = "test"  # ours' in text
-    done = echogrid("check", "-c", tmp_path / "mended.toml", log)
+    done = echogrid("check", "-c", tmp_path / "mended.toml", log, "--report", tmp_path / "again.html")
     assert (done.returncode, done.stderr) == (0, ""), done.stdout
+    assert done.stdout.endswith(f"written: {tmp_path / 'again.html'}\n")
     check_page((tmp_path / "page.html").read_text())
 
 
@@ -71,6 +72,7 @@ def check_page(text: str) -> None:
     assert not [found for _, found in tags if "src" in found or "href" in found]
     assert len([tag for tag, _ in tags if tag == "svg"]) == 12  # speed, gaps, counts, map; residuals and sectors of four radars
     assert "azimuth_sign" in text
+    assert ">-0<" not in text
     assert "nan" not in text.lower().replace("nanoseconds", "")
 
 

@@ -67,6 +67,9 @@ def command(
             partial.write_text(page_of(report.recorded, report.judgement, said(report), f"{name} with {config_path.name}"))
     if fix_out is not None:
         write_mended(report, config_path, fix_out)
+    files = [str(path) for path in (page, fix_out) if path is not None]
+    if files and not as_json:
+        print(f"written: {', '.join(files)}")
     faults = [*([] if report.torn is None else [str(report.torn)]), *report.faults()]
     if faults:
         raise EchogridError("; ".join(faults if report.torn is not None else [f"{shown}: {faults[0]}", *faults[1:]]))

@@ -99,8 +99,8 @@ def _axes(x_low: float, x_high: float, y_low: float, y_high: float, height: int,
 
 
 def _ticks(low: float, high: float) -> list[float]:
-    """Round numbers, about six."""
+    """Round numbers, about six; none of them is -0."""
     rough = (high - low) / 6
     power = 10.0 ** np.floor(np.log10(rough))
     step = float(power * min((1, 2, 5, 10), key=lambda one: abs(one * power - rough)))
-    return [round(float(value), 10) for value in np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step]
+    return [round(float(value), 10) + 0.0 for value in np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step]
