@@ -72,9 +72,9 @@ def sentences(drives: Sequence[DriveWorth], asked: Mapping[str, Answers]) -> lis
 def _opening(drives: Sequence[DriveWorth], asked: Mapping[str, Answers]) -> str:
     way, seconds = sum(drive.way for drive in drives), sum(drive.seconds for drive in drives)
     lines = "".join(f"<p>{html.escape(one)}</p>" for one in sentences(drives, asked))
-    ours = live(asked[OURS])
+    ours, count = live(asked[OURS]), "1 drive" if len(drives) == 1 else f"{len(drives)} drives"
     return f"""<p class="big">{ours.found.value:.0%} found, {ours.called_free.value:.1%} called free</p>{lines}
-<p class="rests">{len(drives)} drive{"s" * (len(drives) != 1)}, {way:.0f} m, {seconds:.0f} s. Model: {html.escape(drives[0].model)}. There is no truth here: half of
+<p class="rests">{count}, {way:.0f} m, {seconds:.0f} s. Model: {html.escape(drives[0].model)}. There is no truth here: half of
 the scans made the map, the other half judged it. What no radar ever detected is not in these figures; what one detected wrongly, such
 as mirror images, is. Occupied is p ≥ {OCCUPIED:g}, free p ≤ {FREE:g}, as published. Intervals in brackets: the middle 95 % of draws of
 {STRETCH:g} m stretches.</p>"""
