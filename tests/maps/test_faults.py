@@ -91,6 +91,7 @@ def both(folder: Path, name: str) -> list[Input]:
         ),
         (lambda p: export(p / "empty.egmap", p / "a.npz"), "empty.egmap: epoch 1: no cell is known, so there is nothing to export"),
         (lambda p: export(p / "empty.egmap", p / "a.egmap"), "empty.egmap: epoch 1: there is no tile to export"),
+        (lambda p: export(p / "car.egmap", p / "a.png", box=(9e5, 9e5, 9e5 + 1, 9e5 + 1)), ": there is no tile of it in --bbox"),
         (lambda p: parse_box("1,2,3"), "--bbox: found '1,2,3', expected X0,Y0,X1,Y1 in m with X0 < X1 and Y0 < Y1"),
         (lambda p: parse_box("1,2,0,3"), "--bbox: found '1,2,0,3', expected"),
         (lambda p: parse_box("1,2,inf,3"), "--bbox: found '1,2,inf,3', expected"),

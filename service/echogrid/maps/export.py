@@ -97,6 +97,8 @@ def _rectangle(stored: StoredEpoch, cells: Rectangle | None, on_progress: OnProg
     where = stored.extent(on_progress).known if cells is None else cells
     if not where.height * where.width:
         raise EchogridError(f"{name}: no cell is known, so there is nothing to export")
+    if not any(_touches(key, where) for key in stored.keys):
+        raise EchogridError(f"{name}: there is no tile of it in --bbox, so there is nothing to export")
     if where.height * where.width > MOST_CELLS:
         raise EchogridError(
             f"{name}: {where.width} x {where.height} cells ({where.width * cell / 1e3:.1f} x {where.height * cell / 1e3:.1f} km) are more"
