@@ -50,14 +50,15 @@ def test_of_a_replay_too(tmp_path: Path, failing: str, monkeypatch: pytest.Monke
 @pytest.mark.parametrize(
     ("line", "sentence"),
     [
-        ("replay nowhere --out note", "note: is a file, expected a folder to write into"),
-        ("replay nowhere --out note/below", "note/below: cannot be made: {here}/note is a file, expected a folder to write into"),
-        ("replay nowhere --publish --out note", "note: is a file, expected a folder to write into"),
-        ("replay nowhere --store none/new.egmap", "none/new.egmap: there is no folder none to write it in"),
-        ("replay nowhere --publish --store new.map", "--store new.map: expected a name that ends with .egmap"),
-        ("demo --out note", "note: is a file, expected a folder to write into"),
-        (f"check -c {DEMO}/echogrid.toml nowhere.log --report folder", "folder: is a folder, expected the name of a file to write"),
-        (f"check -c {DEMO}/echogrid.toml nowhere.log --fix-out none/a.toml", "none/a.toml: there is no folder none to write it in"),
+        (f"replay {DEMO} --out note", "note: is a file, expected a folder"),
+        (f"replay {DEMO} --out note/below", "note/below: cannot be made: {here}/note is a file"),
+        (f"replay {DEMO} --publish --out note", "note: is a file, expected a folder"),
+        (f"replay {DEMO} --store none/new.egmap", "none/new.egmap: there is no folder none"),
+        (f"replay {DEMO} --publish --store new.map", "new.map: is not written, expected a name that ends in .egmap"),
+        ("demo --out note", "note: is a file, expected a folder"),
+        (f"check -c {DEMO}/echogrid.toml nowhere.log --report page.html", "page.html: is a folder, expected the name of a file"),
+        (f"check -c {DEMO}/echogrid.toml nowhere.log --report page", "page: is not written, expected a name that ends in .html"),
+        (f"check -c {DEMO}/echogrid.toml nowhere.log --fix-out none/a.toml", "none/a.toml: there is no folder none"),
     ],
 )
 def test_what_cannot_be_written_is_said_before_anything_is_read(
@@ -65,9 +66,9 @@ def test_what_cannot_be_written_is_said_before_anything_is_read(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("note").write_text("mine")
-    Path("folder").mkdir()
+    Path("page.html").mkdir()
     given = _parser().parse_args(line.split())
     with pytest.raises(EchogridError) as said:
         given.command(given)
     assert str(said.value) == sentence.format(here=tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["folder", "note"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["note", "page.html"]
