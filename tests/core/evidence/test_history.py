@@ -123,3 +123,11 @@ def test_looks_are_from_where_the_sensor_was(bases: list[SE2]) -> None:
         corner = base.apply(np.array([(3.7, 0.8), (3.7 + math.cos(math.radians(45)), 0.8 + math.sin(math.radians(45)))]))
         np.testing.assert_allclose(place[:2], corner[0], atol=1e-9)
         np.testing.assert_allclose((np.cos(place[2]), np.sin(place[2])), corner[1] - corner[0], atol=1e-9)
+
+
+@given(poses, poses)
+def test_looks_that_are_moved_are_the_moved_sensors(base: SE2, to_from_here: SE2) -> None:
+    sensor = to_from_here @ (base @ CORNER.base_from_sensor)
+    (found,) = Looks.of([CORNER], [base]).moved(to_from_here).place
+    np.testing.assert_allclose(found[:2], (sensor.x, sensor.y), atol=1e-9)
+    assert abs(math.remainder(found[2] - sensor.yaw, math.tau)) < 1e-9

@@ -12,9 +12,10 @@ from tests.support.driven import MOUNTS, STEP, Driven, Errors, follow, town
 from tests.support.places import DOCS
 
 from echogrid.core.motion import error_model as model
-from echogrid.core.motion.error_filter import WINDOW, ErrorFilter
+from echogrid.core.motion.error_filter import SMOOTHED, WINDOW, ErrorFilter
+from echogrid.core.motion.leg import Leg
 from echogrid.core.motion.odometry import Odometry
-from echogrid.core.motion.se2 import SE2
+from echogrid.core.motion.se2 import IDENTITY, SE2
 
 DEGREE = math.radians(1.0)
 KNOWN = Errors(0.02, 0.5 * DEGREE, 0.004, 1.48, 0.006, (1.2 * DEGREE, -0.8 * DEGREE, 0.5 * DEGREE, -1.5 * DEGREE), (0.04, -0.03, 0.0, 0.05))
@@ -244,3 +245,13 @@ def test_what_errors_may_be_is_as_the_document_says() -> None:
     }.items():
         (said,) = re.findall(pattern, text)
         assert told(said) == pytest.approx(noise), pattern
+
+
+def test_accelerations_are_of_the_last_fifth_of_a_second() -> None:
+    errors, told = ErrorFilter(tuple(MOUNTS)), []
+    for speed, yaw_rate in ((5.0, 0.1), (6.0, 0.3), (6.0, 0.3), (5.5, 0.2)):
+        leg = Leg(IDENTITY)
+        leg.add(SMOOTHED, speed, yaw_rate, 0.0)
+        errors._accelerate(leg)
+        told.append((errors.acceleration, errors.turn_acceleration))
+    np.testing.assert_allclose(told, [(0.0, 0.0), (5.0, 1.0), (0.0, 0.0), (-2.5, -0.5)], atol=1e-9)

@@ -156,3 +156,19 @@ def test_a_creeping_car_turns_and_a_standing_one_does_not() -> None:
         odometry = Odometry()
         _drive(odometry, 3.0, speed, 0.1)
         assert odometry.states[-1].odom_from_base.yaw == pytest.approx(turned, abs=0.01)
+
+
+def test_between_two_samples_speed_and_yaw_rate_are_on_the_line_between_them() -> None:
+    odometry = Odometry()
+    for stamp_ns, speed, yaw_rate in ((0, 4.0, 0.1), (20 * MS, 6.0, 0.3)):
+        odometry.add(YawRate(stamp_ns, yaw_rate))
+        odometry.add(Speed(stamp_ns, speed))
+    times = [state.stamp_ns for state in odometry.states]
+    first, last = odometry.at(times[-2]), odometry.at(times[-1])
+    quarter = odometry.at(times[-2] + (times[-1] - times[-2]) // 4)
+    assert first is not None
+    assert last is not None
+    assert quarter is not None
+    assert last.yaw_rate - first.yaw_rate > 0.1
+    assert quarter.speed == pytest.approx(0.75 * first.speed + 0.25 * last.speed)
+    assert quarter.yaw_rate == pytest.approx(0.75 * first.yaw_rate + 0.25 * last.yaw_rate)

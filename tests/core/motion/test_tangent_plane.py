@@ -24,6 +24,11 @@ def test_near_the_origin_it_is_the_radii_of_curvature(latitude: float, longitude
     assert place == pytest.approx((east, north), abs=0.012)  # the curvature of what is called straight here
 
 
+def test_the_poles_are_nearer_to_the_equator_s_plane_by_the_flattening() -> None:
+    """Seen from the equator, the pole lies as high as the semi-minor axis is long."""
+    assert TangentPlane(0.0, 0.3).place(math.pi / 2, 0.3)[1] == pytest.approx(B, abs=1e-3)
+
+
 @given(LATITUDES, LONGITUDES)
 def test_the_origin_is_the_origin_and_its_axes_are_axes(latitude: float, longitude: float) -> None:
     plane = TangentPlane(latitude, longitude)
