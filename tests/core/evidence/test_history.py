@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from echogrid.core.evidence.history import LENGTH, MOST_UPDATES, Detections, History, Looks
+from echogrid.core.evidence.history import LENGTH, MOST_UPDATES, Detections, History, Looks, _Rows
 from echogrid.core.motion.se2 import IDENTITY, SE2
 from echogrid.core.radar.mount import Mount
 
@@ -131,3 +131,19 @@ def test_looks_that_are_moved_are_the_moved_sensors(base: SE2, to_from_here: SE2
     (found,) = Looks.of([CORNER], [base]).moved(to_from_here).place
     np.testing.assert_allclose(found[:2], (sensor.x, sensor.y), atol=1e-9)
     assert abs(math.remainder(found[2] - sensor.yaw, math.tau)) < 1e-9
+
+
+@given(st.lists(st.tuples(st.integers(0, 300), st.integers(0, 300)), max_size=12))
+def test_rows_are_those_that_were_added_and_not_dropped(steps: list[tuple[int, int]]) -> None:
+    rows, kept, count = _Rows((2,), ()), list[int](), 0
+    for more, fewer in steps:
+        added = np.arange(count, count + more, dtype=float)
+        rows.add(np.stack((added, -added), axis=1), added)
+        kept += range(count, count + more)
+        count += more
+        fewer = min(fewer, len(kept))
+        rows.drop(fewer)
+        kept = kept[fewer:]
+        pairs, numbers = rows.rows()
+        assert numbers.tolist() == kept
+        assert pairs.tolist() == [[number, -number] for number in kept]

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from echogrid.core.kernels import reference
-from echogrid.core.kernels.assembly import Rule, State
+from echogrid.core.kernels.assembly import Rule, State, integer
 from echogrid.core.kernels.frames import Head
 from echogrid.core.kernels.plans import MOST_SIGNALS, Plan, Plans
 from echogrid.core.kernels.scans import Event, Found, Why, _Room
@@ -36,6 +36,16 @@ def plan(random: Random, columns: int, each: int, names: int) -> Plan:
     head = (16, each, int(random.integers(-1, 2)), len(places), len(kinds), len(flags), 3, 0)
     scales = random.choice([1.0, 0.1, -0.02, 3e8, 1e-7], 2 * (len(places) + len(kinds)))
     return Plan((*head, *(one for row in rows for one in row)), tuple(scales.tolist()))
+
+
+@given(payload=st.binary(min_size=8, max_size=8), length=st.integers(1, 8), first=st.integers(0, 7), is_signed=st.booleans())
+def test_an_integer_is_what_python_reads_in_its_bytes(payload: bytes, length: int, first: int, is_signed: bool) -> None:
+    length = min(length, 8 - first)
+    raw, some = np.frombuffer(payload, np.uint8), payload[first : first + length]
+    for step, at, order in ((1, first, "little"), (-1, first + length - 1, "big")):
+        expected = int.from_bytes(some, order, signed=is_signed)  # type: ignore[arg-type]
+        expected = (expected + 2**63) % 2**64 - 2**63
+        assert integer(raw, np.array((at, step, 0, 8 * length, is_signed))) == expected
 
 
 def assembling(random: Random, size: int) -> list[Any]:
