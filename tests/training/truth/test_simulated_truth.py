@@ -38,3 +38,18 @@ def test_a_drive_keeps_every_turn_and_in_it_the_room(tmp_path: Path) -> None:
     assert len(truth.lidar.stamp_ns) == 10
     points = truth.lidar_points(int(truth.lidar.stamp_ns[4]), SE2(0.0, 0.0, 0.0))
     np.testing.assert_allclose(np.ptp(points, axis=0), (28.0, 14.0), atol=0.2)
+    low, high = points.min(axis=0), points.max(axis=0)
+    walls = np.concatenate([np.column_stack((np.full(9, x), np.linspace(low[1] + 2, high[1] - 2, 9))) for x in (low[0], high[0])])
+    near = [truth.map.at(walls + np.array((off, 0.0))) > 0 for off in (-0.25, 0.0, 0.25)]
+    assert np.any(near, axis=0).mean() > 0.8  # the map has them where the turn has, so its origin is x and then y
+
+
+def test_poses_are_on_the_line_between_their_neighbours_whenever_the_drive_began() -> None:
+    poses = np.array([(0.0, 0.0, 0.0), (3.0, 6.0, 0.3)])
+    turns = LidarTurns(np.array([1000]) * MS, np.ones((1, AZIMUTHS)))
+    truth = SimulatedTruth(np.array([1000, 1300]) * MS, poses, TruthMap(np.zeros((1, 1), np.float32), (0.0, 0.0), 0.25), turns)
+    pose = truth.pose(1100 * MS)
+    assert pose is not None
+    np.testing.assert_allclose((pose.x, pose.y, pose.yaw), (1.0, 2.0, 0.1))
+    assert truth.pose(999 * MS) is None
+    assert truth.pose(1301 * MS) is None
