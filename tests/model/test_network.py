@@ -205,7 +205,7 @@ def test_what_cannot_be_read_is_said(tmp_path: Path) -> None:
     (tmp_path / "empty.onnx").touch()
     assert "is not an ONNX model that onnxruntime reads" in refused(tmp_path / "empty.onnx")
     assert "cannot be read: No such file" in refused(tmp_path / "none.onnx")
-    assert "cannot be read: Is a directory" in refused(tmp_path)
+    assert "is a folder, expected a file" in refused(tmp_path)
 
 
 def test_the_networks_here_tell_the_classes_apart() -> None:
