@@ -47,7 +47,7 @@ def test_mistakes_are_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture
         (["import", "radarscenes", str(tmp_path / "full"), "--out", out], "radar_data.h5: does not exist"),
         (["scene", "--out", str(tmp_path / "full")], "full: is not empty"),
         (["scene", "--out", str(tmp_path / "bad.npz")], "bad.npz: is a file, expected a folder"),
-        (["scene", "--out", str(tmp_path / "bad.npz" / "below")], "bad.npz is a file, expected a folder"),
+        (["scene", "--out", str(tmp_path / "bad.npz" / "below")], "below: cannot be made: "),
     ):
         assert cli.main(arguments) == 1
         printed = capsys.readouterr()
