@@ -18,6 +18,7 @@ from echogrid.can.dbc import Dbc
 from echogrid.can.profile import find, load_radar
 from echogrid.can.radar import RadarReader
 from echogrid.core.health import SensorHealth
+from echogrid.core.kernels.scans import chosen
 from echogrid.core.messages import RadarScan
 from echogrid.errors import EchogridError
 
@@ -275,3 +276,11 @@ def test_a_mistake_in_a_profile_is_one_sentence(tmp_path: Path, change: tuple[st
     assert str(caught.value).startswith(f"{path}: ")
     assert complaint in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("most", [3, 64])
+def test_detections_that_are_chosen_lie_in_a_row(most: int) -> None:
+    """As the loops want them that look at them: of a profile that the caller reads, too."""
+    kept, _, _ = chosen(np.random.default_rng(2).uniform(1.0, 9.0, (4, 9)), most)
+    assert kept.shape == (4, min(most, 9))
+    assert all(row.flags.c_contiguous for row in kept)

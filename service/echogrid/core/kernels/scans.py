@@ -216,4 +216,4 @@ def chosen(found: Floats, most: int) -> tuple[Floats, int, int]:
     invalid, truncated = len(sound) - len(kept), max(len(kept) - most, 0)
     if truncated:
         kept = kept[np.sort(np.argsort(found[0][kept], kind="stable")[:most])]
-    return found[:, kept], invalid, truncated
+    return np.ascontiguousarray(found[:, kept]), invalid, truncated  # columns taken by an index lie apart, which loops refuse
