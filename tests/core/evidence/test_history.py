@@ -138,7 +138,7 @@ def test_rows_are_those_that_were_added_and_not_dropped(steps: list[tuple[int, i
     rows, kept, count = _Rows((2,), ()), list[int](), 0
     for more, fewer in steps:
         added = np.arange(count, count + more, dtype=float)
-        rows.add(np.stack((added, -added), axis=1), added)
+        rows.add(more, np.stack((added, -added), axis=1), added)
         kept += range(count, count + more)
         count += more
         fewer = min(fewer, len(kept))
