@@ -287,7 +287,7 @@ FAULTS = (
     Fault("wheel speed stuck", speed_stuck, N, "wheel speed: (is stuck|says)", True, notice=2.5, recover=1.5, pose=2.0),
     Fault("wheel speed jumps, one sample in five", speed_spikes, D, "wheel speed: jumps", recover=1.1, pose=0.3),
     Fault("wheel speed steps by 10 m/s", partial(speed_steps, 10.0), N, "wheel speed: (jumps|jumped)", True, recover=2.0, pose=0.3),
-    Fault("wheel speed drifts off", speed_drifts, N, "wheel speed: says", True, notice=2.5, recover=1.5, pose=2.0),
+    Fault("wheel speed drifts off", speed_drifts, N, "wheel speed: says", True, notice=2.5, recover=1.6, pose=2.0),
     Fault("yaw rate stuck", yaw_rate_stuck, N, "yaw rate: (is stuck|says)", True, notice=3.5, recover=1.5, pose=2.0),
     Fault("yaw rate jumps, one sample in five", yaw_rate_spikes, D, "yaw rate: jumps", recover=1.1, pose=0.3),
     Fault("yaw rate steps by 1 rad/s", yaw_rate_steps, N, "yaw rate: (jumps|jumped)", True, recover=2.0, pose=0.3),
