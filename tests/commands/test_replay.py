@@ -264,7 +264,7 @@ def test_a_pause_of_the_recording_is_no_time_of_a_good_map(drive: Path, tmp_path
     assert summary["seconds"]["stale"] == pytest.approx(120.0, abs=1.0)
     assert sum(summary["seconds"].values()) == pytest.approx(summary["drive_s"], abs=0.02)
     assert [change["state"] for change in summary["changes"]] == ["ok", "stale", "ok"]
-    assert summary["changes"][1]["reason"].startswith("nothing received for 120.0")
+    assert summary["changes"][1]["reason"].startswith("nothing received for 120.")
     assert done.stdout.index("stale: nothing received") < done.stdout.index("new map: ego motion: the first sample")
 
 
