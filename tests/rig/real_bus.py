@@ -18,6 +18,7 @@ VEHICLE = "test-16-organic"  # the demo drive's
 CHASSIS, RADARS = "rigcan0", "rigcan1"  # classic CAN and CAN FD
 CLASSIC_MTU, FD_MTU = 16, 72
 MOTION_IDS = range(0x100, 0x110)  # of the demo drive; all others are the radars'
+BUFFER_KIB = 1024  # of each bus: 2,730 CAN FD frames, all of a test's drive; the service waits for its processor longer than a car's may
 EARLY = 0.001  # s: not worth sleeping for
 SO_RCVBUFFORCE = 33  # socket(7): beyond net.core.rmem_max, for root
 
@@ -62,8 +63,8 @@ def configuration(port: int, model: str = "analytic") -> str:
     cars = rest[rest.index("[motion]") :].replace('bus = "can0"', 'bus = "chassis"', 1).replace('bus = "can0"', 'bus = "radars"')
     return (
         f'{top}model = "{model}"\n'
-        f'[[bus]]\nname = "chassis"\nchannel = "{CHASSIS}"\nfd = false\n'
-        f'[[bus]]\nname = "radars"\nchannel = "{RADARS}"\n'
+        f'[[bus]]\nname = "chassis"\nchannel = "{CHASSIS}"\nfd = false\nreceive_buffer_kib = {BUFFER_KIB}\n'
+        f'[[bus]]\nname = "radars"\nchannel = "{RADARS}"\nreceive_buffer_kib = {BUFFER_KIB}\n'
         f'{cars}\n[publish]\nlisten = ["tcp/127.0.0.1:{port}"]\n'
     )
 

@@ -202,7 +202,7 @@ def test_error_frames_and_bus_off_are_counted_and_survived(service: Running) -> 
 
 def test_what_overflows_in_the_kernel_is_counted_to_the_frame(service: Running) -> None:
     frame = next(message for message in real_bus.drive(1.0) if message.channel == RADARS)
-    sent = 3000
+    sent = 6000  # twice what its receive buffer holds
     before = service.status_when(lambda _: True)["buses"]["radars"]
     with real_bus.senders() as buses:
         service.process.send_signal(signal.SIGSTOP)
