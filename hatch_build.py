@@ -11,6 +11,7 @@ import shlex
 import subprocess
 import sys
 import sysconfig
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,9 @@ def build(root: Path) -> str | None:
     if not (Path(include) / "Python.h").is_file():
         return f"Python.h is not in {include}: on Debian it is in python3-dev"
     compiler = shlex.split(os.environ.get("CC", "cc"))
-    command = [*compiler, *FLAGS, *shlex.split(os.environ.get("CFLAGS", "")), f"-I{include}", str(SOURCE), "-o", str(BUILT), "-lm"]
+    built_from = f"-DBUILT_FROM={zlib.crc32(b''.join(path.read_bytes() for path in sorted((root / SOURCE).parent.glob('*.[ch]'))))}"
+    flags = [*FLAGS, built_from, *shlex.split(os.environ.get("CFLAGS", "")), f"-I{include}"]
+    command = [*compiler, *flags, str(SOURCE), "-o", str(BUILT), "-lm"]
     try:
         done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
     except OSError as error:

@@ -57,6 +57,8 @@ class Parser(argparse.ArgumentParser):
             word, known = unknown[1], re.findall(r"[\w.-]+", unknown[2])
         elif unknown := re.search(r"unrecognized arguments: (?:.* )?(--[\w-]+)", message):
             word, known = unknown[1], sorted(self._options())
+        elif stray := re.fullmatch(r"unrecognized arguments: ([^-].*)", message):
+            message = f"too many: {stray[1]}; {self._takes()}"
         elif unread := re.fullmatch(r"\[Errno \d+\] (.*): ('.*')", message):
             message = f"{unread[2][1:-1]}: cannot be read: {unread[1]}"
         near = difflib.get_close_matches(word, known, n=1)
@@ -71,6 +73,15 @@ class Parser(argparse.ArgumentParser):
         program, _, command = self.prog.partition(" ")
         lines = [f"  {program} {example}" for example in self.examples.get(command, ())]
         return super().format_help() + ("\n".join(("\nexamples:", *lines)) + "\n" if lines else "")
+
+    def _takes(self) -> str:
+        """How many files, folders and words the command that was typed takes, as half a sentence."""
+        own = []
+        for action in self._actions:
+            if isinstance(action, argparse._SubParsersAction):
+                return next(command._takes() for command in action.choices.values() if command.used)
+            own += [] if action.option_strings else [str(action.metavar or action.dest)]
+        return f"{self.prog} takes {' and '.join(f'one {name}' for name in own)}" if own else f"{self.prog} takes options alone"
 
     def _options(self) -> set[str]:
         """Long ones, those of the command that was typed too."""

@@ -47,6 +47,24 @@ def test_a_word_that_is_nearly_one_is_guessed(arguments: tuple[str, ...], guess:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
+        ("replay a.log b.log", "too many: b.log; echogrid replay takes one DRIVE_OR_LOG"),
+        ("replay a.log b.log c.log -c e.toml", "too many: b.log c.log; echogrid replay takes one DRIVE_OR_LOG"),
+        ("check a.log -c e.toml b.log", "too many: b.log; echogrid check takes one LOG"),
+        ("init a.log b.dbc", "too many: b.dbc; echogrid init takes one LOG"),
+        ("map export a.egmap b.png c.png", "too many: c.png; echogrid map export takes one FILE.egmap and one OUT"),
+        ("run -c e.toml e.toml", "too many: e.toml; echogrid run takes options alone"),
+    ],
+)
+def test_one_file_too_many_is_named_with_what_the_command_takes(capsys: pytest.CaptureFixture[str], arguments: str, said: str) -> None:
+    with pytest.raises(SystemExit) as ended:
+        _parser().parse_args(arguments.split())
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.strip().endswith(f"error: {said}")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
         ("replay a.log -c e.toml --out a.log", "a.log: is a file, expected a folder"),
         ("replay a.log -c e.toml --out a.log/out", "a.log/out: cannot be made: {folder}/a.log is a file"),
         ("replay e.toml -c a.log --out out", "a.log: is not valid TOML: "),

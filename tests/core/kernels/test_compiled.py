@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
+import zlib
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from echogrid.core.kernels import reference
+from echogrid.core.kernels import dispatch, reference
 from echogrid.core.kernels.answers import exponential
 from echogrid.core.kernels.cells import SIDE
 from echogrid.core.kernels.reading import logarithm
@@ -430,3 +433,23 @@ def test_one_place_decides_which_runs(wanted: str) -> None:
     environment = {**os.environ, "ECHOGRID_KERNELS": wanted}
     said = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True).stdout
     assert said.startswith("False reference numpy" if wanted else "True compiled compiled")
+
+
+@pytest.mark.parametrize("built_from", ["compiled._built_from + 1", "None"], ids=["other sources", "a build of before this was told"])
+def test_loops_of_other_sources_are_not_taken_and_this_is_said(built_from: str) -> None:
+    """What `git pull` without `make` leaves: names that are missing, or arrays that mean something else."""
+    code = f"from echogrid.core.kernels import compiled; compiled._built_from = {built_from}; "
+    code += "import echogrid.core.kernels.dispatch as d; print(d.COMPILED, d.loops.__name__.split('.')[-1], d.WHY)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], env={**os.environ, "ECHOGRID_KERNELS": ""}, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.startswith("False reference numpy")
+    assert all("was built from other sources" in said and "run make" in said for said in (done.stdout, done.stderr))
+
+
+def test_it_knows_every_source_it_was_built_from() -> None:
+    folder = Path(dispatch.__file__).parent
+    sources = sorted(path for path in folder.iterdir() if path.suffix in (".c", ".h"))
+    assert len(sources) > 1
+    assert {path.name for path in sources} >= set(re.findall(r'#include "(.*)"', "".join(path.read_text() for path in sources)))
+    assert compiled._built_from == zlib.crc32(b"".join(path.read_bytes() for path in sources))

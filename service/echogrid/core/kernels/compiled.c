@@ -1028,7 +1028,10 @@ static PyMethodDef methods[] = {
     ENTRY(candump_lines), ENTRY(asc_lines), ENTRY(trc_lines), ENTRY(csv_lines), ENTRY(blf_objects), ENTRY(assemble), ENTRY(identify), ENTRY(can_frames),
     {NULL, NULL, 0, NULL},
 };
-static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "compiled", "The hot loops, compiled.", 0, methods, NULL, NULL, NULL, NULL};
+/* Which sources it is of, so that dispatch.py can tell an older build. */
+static int say_built_from(PyObject *self) { return PyModule_AddObject(self, "_built_from", PyLong_FromUnsignedLong(BUILT_FROM)); }
+static PyModuleDef_Slot slots[] = {{Py_mod_exec, say_built_from}, {0, NULL}};
+static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "compiled", "The hot loops, compiled.", 0, methods, slots, NULL, NULL, NULL};
 PyMODINIT_FUNC PyInit_compiled(void) {
     fill_tables();
     return PyModuleDef_Init(&module);
