@@ -9,7 +9,7 @@ import math
 import os
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -79,7 +79,8 @@ class Parser(argparse.ArgumentParser):
         own = []
         for action in self._actions:
             if isinstance(action, argparse._SubParsersAction):
-                return next(command._takes() for command in action.choices.values() if command.used)
+                commands: Iterable[Parser] = action.choices.values()
+                return next(command._takes() for command in commands if command.used)
             own += [] if action.option_strings else [str(action.metavar or action.dest)]
         return f"{self.prog} takes {' and '.join(f'one {name}' for name in own)}" if own else f"{self.prog} takes options alone"
 

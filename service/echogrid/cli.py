@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import logging
 import os
-import signal
 import sys
 from pathlib import Path
 from typing import NoReturn
@@ -205,8 +204,6 @@ def _map_parsers(commands: argparse._SubParsersAction[arguments.Parser]) -> None
 
 
 def _run(given: argparse.Namespace) -> None:
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # it would end a service that is starting and is about to read its configuration
-    signal.signal(signal.SIGTERM, lambda *_: os._exit(0))  # a container's first process would not hear it; nothing is open yet
     from echogrid.commands.run import run
 
     run(given.config, given.model, given.record, given.foxglove)

@@ -10,8 +10,9 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,9 +22,8 @@ from tests.support import world
 from tests.support.places import DEMO
 from tests.support.waiting import PATIENCE, until
 
-from echogrid import cli
+from echogrid import __main__ as program
 from echogrid.client import Client
-from echogrid.commands import run
 from echogrid.commands.demo import demo
 from echogrid.commands.replay import replay
 from echogrid.config.loading import load_config
@@ -169,26 +169,59 @@ def test_on_sighup_it_takes_over_what_can_change_and_refuses_the_rest(config: tu
     assert "vehicle" in told[2]
 
 
-def test_signals_while_it_starts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A reload that comes early ends nothing, and a stop is heard, by a container's first process too."""
+class Loading(ModuleType):
+    """The rest of the program while it is being imported: `hears` is called then."""
 
-    def starting(*_: object) -> None:
+    def __init__(self, hears: Callable[[], None]) -> None:
+        super().__init__("echogrid.cli")
+        self.hears = hears
+
+    def __getattr__(self, name: str) -> object:
+        if name != "main":
+            raise AttributeError(name)
+        self.hears()
+        return lambda: None
+
+
+@pytest.fixture
+def usual_signals() -> Iterator[dict[signal.Signals, object]]:
+    usual = {number: signal.getsignal(number) for number in (signal.SIGHUP, signal.SIGTERM, signal.SIGINT)}
+    yield dict(usual)
+    for number, handler in usual.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize("before", ["", "--log-level error ", "--log-level=error "])
+def test_signals_while_it_loads(monkeypatch: pytest.MonkeyPatch, usual_signals: dict[signal.Signals, object], before: str) -> None:
+    """A reload that comes early ends nothing, and a stop is heard, by a container's first process too."""
+    monkeypatch.setattr(os, "_exit", sys.exit)
+    monkeypatch.setattr(sys, "argv", ["echogrid", *f"{before}run -c echogrid.toml".split()])
+
+    def hears() -> None:
         os.kill(os.getpid(), signal.SIGHUP)
         assert callable(signal.getsignal(signal.SIGTERM))
         os.kill(os.getpid(), signal.SIGTERM)
         raise AssertionError("it went on")
 
-    monkeypatch.setattr(run, "run", starting)
-    monkeypatch.setattr(os, "_exit", sys.exit)
-    usual = {number: signal.getsignal(number) for number in (signal.SIGHUP, signal.SIGTERM)}
-    given = cli._parser().parse_args(["run", "-c", "echogrid.toml"])
-    try:
-        with pytest.raises(SystemExit) as ended:
-            given.command(given)
-    finally:
-        for number, handler in usual.items():
-            signal.signal(number, handler)
+    monkeypatch.setitem(sys.modules, "echogrid.cli", Loading(hears))
+    with pytest.raises(SystemExit) as ended:
+        program.run()
     assert not ended.value.code
+
+
+def test_no_other_command_changes_signals_and_ctrl_c_ends_it_while_it_loads(
+    monkeypatch: pytest.MonkeyPatch, usual_signals: dict[signal.Signals, object]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["echogrid", "replay", "run"])
+
+    def hears() -> None:
+        assert {number: signal.getsignal(number) for number in usual_signals} == usual_signals
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(sys.modules, "echogrid.cli", Loading(hears))
+    with pytest.raises(SystemExit) as ended:
+        program.run()
+    assert ended.value.code == 130
 
 
 def test_the_last_status_says_that_it_stopped(config: tuple[Path, int]) -> None:
