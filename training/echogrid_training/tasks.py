@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import multiprocessing
+import multiprocessing.process
+import os
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from functools import partial
 from typing import TypeVar
 
@@ -51,12 +55,28 @@ def _outcomes(work: Callable[[Job], Outcome], jobs: Sequence[Job], workers: int,
     if workers <= 1 or len(jobs) <= 1:
         yield from map(work, jobs)
         return
+    with processes(min(workers, len(jobs))) as pool:
+        for one in [pool.submit(work, job) for job in jobs]:
+            yield one.result()
+
+
+@contextmanager
+def processes(count: int) -> Iterator[ProcessPoolExecutor]:
+    """So many, for the block; where that fails, what they are at is the last. They end with this process, a kill included."""
     # Spawned, not forked: a fork of a process with threads may never come up.
-    with ProcessPoolExecutor(min(workers, len(jobs)), mp_context=multiprocessing.get_context("spawn")) as pool:
-        pending = [pool.submit(work, job) for job in jobs]
+    with ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_parent) as pool:
         try:
-            for one in pending:
-                yield one.result()
+            yield pool
         except BaseException:
             pool.shutdown(wait=True, cancel_futures=True)
             raise
+
+
+def _end_with_parent() -> None:
+    """In a process of `processes`: without this it would wait for work from a parent that was killed."""
+    threading.Thread(target=_leave, args=(multiprocessing.parent_process(),), daemon=True).start()
+
+
+def _leave(parent: multiprocessing.process.BaseProcess) -> None:
+    parent.join()
+    os._exit(1)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -21,6 +20,7 @@ from echogrid_training.drives.lidar_writer import write_lidar
 from echogrid_training.drives.simulate import simulate
 from echogrid_training.sensors.episode import Episode, draw_episode, paper_sensors, sparse_sensors
 from echogrid_training.sensors.likeness import Likeness, as_loud, episode_like
+from echogrid_training.tasks import processes
 from echogrid_training.worlds.layout import make_town
 from echogrid_training.worlds.osm import town_from_osm
 
@@ -67,14 +67,9 @@ def run(campaign: Campaign, out: Path, workers: int, on_done: Callable[[str], No
     if workers <= 1:
         names = (make(campaign, index, out) for index in missing)
         return _count(names, on_done)
-    # Spawned, not forked: a fork of a process with threads may never come up.
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+    with processes(workers) as pool:
         pending = [pool.submit(make, campaign, index, out) for index in missing]
-        try:
-            return _count((done.result() for done in as_completed(pending)), on_done)
-        except BaseException:
-            pool.shutdown(wait=True, cancel_futures=True)
-            raise
+        return _count((done.result() for done in as_completed(pending)), on_done)
 
 
 def _count(names: Iterable[str], on_done: Callable[[str], None]) -> int:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import argparse
 import hashlib
-import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,7 @@ from echogrid.files import check_file, check_folder, meant
 from echogrid_training.learning.dataset import find_drives
 from echogrid_training.learning.fit import positive, some
 from echogrid_training.recording import Track, untracked
+from echogrid_training.tasks import processes
 
 CALIBRATED = 8  # drives at most for patches
 MAPPED = 4  # of them, drives that maps are calibrated on
@@ -99,15 +98,10 @@ def spread(workers: int, track: Track) -> Iterator[Each]:
         yield lambda function, calls, what: [function(*arguments) for arguments in track(calls, what)]
         return
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # read when a process loads numpy's and PyTorch's libraries
-    # Spawned, not forked: a fork of a process with threads may never come up.
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+    with processes(workers) as pool:
 
         def each(function: Callable[..., Any], calls: Sequence[tuple[Any, ...]], what: str) -> list[Any]:
             pending = [pool.submit(function, *arguments) for arguments in calls]
             return [done.result() for done in track(pending, what)]
 
-        try:
-            yield each
-        except BaseException:
-            pool.shutdown(wait=True, cancel_futures=True)
-            raise
+        yield each

@@ -7,12 +7,10 @@ code that draws images changes.
 from __future__ import annotations
 
 import hashlib
-import multiprocessing
 import os
 import zipfile
 import zlib
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,6 +29,7 @@ from echogrid_training.drives.samples import Sample
 from echogrid_training.recording import Track, untracked
 from echogrid_training.sensors.disturbance import Disturbance
 from echogrid_training.sources import load_npz
+from echogrid_training.tasks import processes
 from echogrid_training.truth import ground_truth
 
 SURE = 127  # what a label of 1 is stored as
@@ -175,7 +174,7 @@ def load_drives(
 ) -> Samples:
     """Of all drives, in order; what is not kept beside them is cut by `workers` processes. Raises EchogridError."""
     if workers > 1:
-        with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+        with processes(workers) as pool:
             pending = [pool.submit(_cut, drive, disturbed, whole) for drive in drives]
             for done in track(pending, "cutting samples"):
                 done.result()

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import multiprocessing
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +20,7 @@ from echogrid_training.recording import EPOCH_NS, Recording, Track
 from echogrid_training.sensors.episode import NEAR, draw_episode
 from echogrid_training.sensors.visibility import poses_at
 from echogrid_training.sources import load_text
+from echogrid_training.tasks import processes
 from echogrid_training.towns.town import Town
 from echogrid_training.worlds.layout import make_town
 
@@ -53,7 +52,7 @@ def simulated(seed: int, seconds: float) -> Drive:
 
 def simulated_drives(count: int, seconds: float, workers: int, track: Track) -> list[Drive]:
     """The figures of the first `count` seeds, worked out in several processes."""
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+    with processes(workers) as pool:
         return list(track(pool.map(simulated, range(count), [seconds] * count), f"simulating {count} drives"))
 
 
