@@ -136,7 +136,7 @@ static PyObject *done(Given *given) {
 #define WIDE
 #endif
 
-enum { BLOCK = 64 }; /* cells that are worked on together */
+enum { BLOCK = 64, LANES = 16 }; /* cells that are worked on together; points: what a loop takes in one step */
 
 #define ARRAY(n) (&given.array[n])
 #define ROW(type, n, i) ((type *)((char *)given.array[n].buf + (i) * given.array[n].strides[0]))
@@ -341,45 +341,51 @@ static void spread(const int32_t *counts, const uint8_t *table, uint8_t *out, Py
     }
 }
 
-/* Blocks that the first points of a ray lie in, `blocks` squared for those outside. */
-WIDE static void along_ray(Py_ssize_t points, float x, float y, float dx, float dy, float length, float half, float step, int32_t blocks, int32_t *out) {
-    for (int32_t k = 0; k < (int32_t)points; k++) {
-        float share = (0.5f + (float)k) * step / length;
-        float column = (x + share * dx + half) / step, row = (y + share * dy + half) / step;
-        int inside = (column >= 0) & (column < (float)blocks) & (row >= 0) & (row < (float)blocks);
-        out[k] = inside ? (int32_t)row * blocks + (int32_t)column : blocks * blocks;
-    }
+/* Blocks that the first points of a ray lie in, `reached` m on, `blocks` squared for those outside; whole LANES of points. */
+WIDE static void along_ray(Py_ssize_t points, const float *reached, float x, float y, float dx, float dy, float length, float half, float step,
+                           int32_t blocks, int32_t *out) {
+    for (Py_ssize_t k = 0; k < points; k += LANES)
+        for (Py_ssize_t n = k; n < k + LANES; n++) {
+            float share = reached[n] / length, column = (x + share * dx + half) / step, row = (y + share * dy + half) / step;
+            int inside = (column >= 0) & (column < (float)blocks) & (row >= 0) & (row < (float)blocks);
+            out[n] = inside ? (int32_t)row * blocks + (int32_t)column : blocks * blocks;
+        }
 }
 
 KERNEL(draw_passes) {
     TAKE("f2f2f1xxxxB1B2!");
     Py_ssize_t rays = LENGTH(0, 0), side = LENGTH(4, 0), along = (Py_ssize_t)given.number[3], blocks = along > 0 ? side / along : 0;
     if (!sized(&given, LENGTH(1, 0) == rays && LENGTH(2, 0) == rays && LENGTH(0, 1) == 2 && LENGTH(1, 1) == 2 && LENGTH(3, 0) == 256 &&
-                           blocks * along == side && LENGTH(4, 1) == side && ARRAY(4)->strides[0] == side))
+                           blocks * along == side && LENGTH(4, 1) == side && ARRAY(4)->strides[0] == side && given.number[2] >= 0))
         return NULL;
     const float *distance = ARRAY(2)->buf;
     float half = (float)given.number[0], step = (float)given.number[1], margin = (float)given.number[2];
     float longest = 0;
     for (Py_ssize_t n = 0; n < rays; n++) longest = distance[n] > longest ? distance[n] : longest;
-    int32_t *counts = calloc(blocks * blocks + 1, sizeof *counts), *passed = malloc(((Py_ssize_t)(longest / step) + 2) * sizeof *passed);
-    if (counts == NULL || passed == NULL || !isfinite(longest)) {
+    Py_ssize_t most = isfinite(longest) ? (Py_ssize_t)(longest / step) + 2 + LANES : 0;
+    int32_t *counts = calloc(blocks * blocks + 1, sizeof *counts), *passed = malloc(most * sizeof *passed);
+    float *reached = malloc(most * sizeof *reached);
+    if (counts == NULL || passed == NULL || reached == NULL || !most) {
         free(counts);
         free(passed);
+        free(reached);
         drop(&given);
         return PyErr_NoMemory();
     }
+    for (Py_ssize_t k = 0; k < most; k++) reached[k] = (0.5f + (float)(int32_t)k) * step;
     for (Py_ssize_t n = 0; n < rays; n++) {
         const float *origin = ROW(float, 0, n), *way = ROW(float, 1, n);
         float limit = distance[n] - margin, length = distance[n] > 1e-3f ? distance[n] : 1e-3f;
         Py_ssize_t points = limit > 0 ? (Py_ssize_t)(limit / step) : 0; /* about as many: */
-        while (points > 0 && !((0.5f + (float)(points - 1)) * step < limit)) points--;
-        while ((0.5f + (float)points) * step < limit) points++;
-        along_ray(points, origin[0], origin[1], way[0], way[1], length, half, step, (int32_t)blocks, passed);
+        while (points > 0 && !(reached[points - 1] < limit)) points--;
+        while (reached[points] < limit) points++;
+        along_ray(points, reached, origin[0], origin[1], way[0], way[1], length, half, step, (int32_t)blocks, passed);
         for (Py_ssize_t k = 0; k < points; k++) counts[passed[k]]++;
     }
     spread(counts, ARRAY(3)->buf, ARRAY(4)->buf, blocks, along);
     free(counts);
     free(passed);
+    free(reached);
     return done(&given);
 }
 
@@ -535,23 +541,36 @@ KERNEL(elfes) {
     return done(&given);
 }
 
-/* What a look adds to one cell, by its row and column in the window. */
+/* What a look adds to one cell of the window: where it is, in the window and in its tile. */
 typedef struct {
-    int16_t row, column;
-    uint16_t who, crossed;
+    int32_t at;
+    uint32_t tile;
+    uint16_t inside, who, crossed;
     double share, near;
 } Touched;
 
 enum { OWN_MARK = 1, PASSED_MARK = 2, MARKS = 2 }; /* bits of a cell's marks; what is above them is its place in the list, from 1 */
 
-static inline Touched *touch(Touched *list, uint32_t *marks, Py_ssize_t *count, int32_t at, int32_t size) {
-    uint32_t place = marks[at] >> MARKS;
+typedef struct {
+    Touched *list;
+    Py_ssize_t count;
+    uint32_t *marks;
+    int64_t *begins; /* of each tile the cells so far, at the next one's place */
+    uint32_t row, column, size, wide; /* of the window's first cell in the first tile, cells along a side, tiles along a row */
+    uint64_t inverse; /* of the size, times 2^45: a product's whole part is the quotient, of what is below 2^30 by what is below 2^15 */
+} Look;
+
+static inline Touched *touch(Look *look, int32_t at) {
+    uint32_t place = look->marks[at] >> MARKS;
     if (!place) {
-        list[*count] = (Touched){.row = (int16_t)(at / size), .column = (int16_t)(at % size)};
-        place = (uint32_t)++*count;
-        marks[at] |= place << MARKS;
+        uint32_t i = (uint32_t)((uint64_t)at * look->inverse >> 45), row = i + look->row, column = (uint32_t)at - i * look->size + look->column;
+        uint32_t tile = (row >> 7) * look->wide + (column >> 7);
+        look->begins[tile + 1]++;
+        look->list[look->count++] = (Touched){.at = at, .tile = tile, .inside = (uint16_t)((row & 127) * SIDE + (column & 127))};
+        place = (uint32_t)look->count;
+        look->marks[at] |= place << MARKS;
     }
-    return &list[place - 1];
+    return &look->list[place - 1];
 }
 
 static int ascending(const void *one, const void *other) { return (*(int32_t *)one > *(int32_t *)other) - (*(int32_t *)one < *(int32_t *)other); }
@@ -563,7 +582,7 @@ KERNEL(look) {
     Py_ssize_t tall = ((row + size - 1) >> 7) - tile_row + 1, wide = ((column + size - 1) >> 7) - tile_column + 1;
     int fits = LENGTH(0, 0) == beams * rays && LENGTH(0, 1) == 2 && LENGTH(2, 1) == 2 && LENGTH(3, 0) == beams && LENGTH(3, 1) == 2 &&
                LENGTH(4, 0) == beams && LENGTH(4, 1) == 2 && LENGTH(5, 0) == beams && LENGTH(6, 0) == beams && LENGTH(8, 0) == around &&
-               LENGTH(11, 0) == tall * wide + 1 && size < 1 << 15;
+               LENGTH(11, 0) == tall * wide + 1 && size > 0 && size < 1 << 15;
     for (int n = 9; n < 17; n++) fits &= n == 11 || LENGTH(n, 0) == cells;
     if (!sized(&given, fits)) return NULL;
     const double *shares = ARRAY(1)->buf, *distance = ARRAY(5)->buf, *weights = ARRAY(8)->buf;
@@ -573,9 +592,9 @@ KERNEL(look) {
     uint32_t *marks = ARRAY(10)->buf;
     uint16_t *who = ARRAY(16)->buf;
     int64_t *begins = ARRAY(11)->buf;
-    int32_t *inside = ARRAY(12)->buf, across = (int32_t)size;
+    int32_t *inside = ARRAY(12)->buf;
     double cell = given.number[3], margin = given.number[4], step = cell / 2;
-    Py_ssize_t touched = 0, fresh = 0;
+    Py_ssize_t fresh = 0;
     double most = beams * (double)(rays + around); /* cells that may be touched */
     for (Py_ssize_t n = 0; n < beams; n++) most += distance[n] > 0 ? distance[n] / step + 1 : 0;
     double longest = 0;
@@ -590,12 +609,14 @@ KERNEL(look) {
         return PyErr_NoMemory();
     }
     const Window window = {row, column, size, cell, 1 / cell, 0};
+    Look look = {list, 0, marks, begins, (uint32_t)(row & 127), (uint32_t)(column & 127), (uint32_t)size, (uint32_t)wide, ((uint64_t)1 << 45) / (uint64_t)size + 1};
     int64_t r, c;
     Py_BEGIN_ALLOW_THREADS;
+    memset(begins, 0, (tall * wide + 1) * sizeof *begins);
     for (Py_ssize_t n = 0; n < beams * rays; n++) {
         const double *end = ROW(double, 0, n);
         if (!inside_window(end[0], end[1], &window, &r, &c)) continue;
-        Touched *found = touch(list, marks, &touched, (int32_t)(r * size + c), across);
+        Touched *found = touch(&look, (int32_t)(r * size + c));
         found->share += shares[n % rays];
         found->who |= radars[n / rays];
     }
@@ -615,7 +636,7 @@ KERNEL(look) {
             int32_t at = way[k];
             if (at < 0 || at == before) continue;
             before = at;
-            Touched *found = touch(list, marks, &touched, at, across);
+            Touched *found = touch(&look, at);
             found->who |= radars[n];
             found->crossed = 1;
         }
@@ -624,25 +645,21 @@ KERNEL(look) {
     for (Py_ssize_t n = 0; n < fresh; n++)
         for (Py_ssize_t k = 0; k < around; k++) {
             int64_t at = mine[n] + offsets[k];
-            if (at >= 0 && at < cells) touch(list, marks, &touched, (int32_t)at, across)->near += weights[k];
+            if (at >= 0 && at < cells) touch(&look, (int32_t)at)->near += weights[k];
         }
-    memset(begins, 0, (tall * wide + 1) * sizeof *begins);
-#define TILE_OF(one) ((((one).row + row) >> 7) - tile_row) * wide + (((one).column + column) >> 7) - tile_column
-    for (Py_ssize_t n = 0; n < touched; n++) begins[TILE_OF(list[n]) + 1]++;
     for (Py_ssize_t t = 0; t < tall * wide; t++) begins[t + 1] += begins[t];
-    for (Py_ssize_t n = 0; n < touched; n++) {
+    for (Py_ssize_t n = 0; n < look.count; n++) {
         const Touched *found = &list[n];
-        int64_t at = found->row * size + found->column;
-        Py_ssize_t out = begins[TILE_OF(*found)]++;
-        uint32_t before = marks[at] & (OWN_MARK | PASSED_MARK);
-        marks[at] = before | found->crossed * PASSED_MARK;
+        Py_ssize_t out = begins[found->tile]++;
+        uint32_t before = marks[found->at] & (OWN_MARK | PASSED_MARK);
+        marks[found->at] = before | found->crossed * PASSED_MARK;
         hits[out] = 0;
         if (found->share > 0) {
-            float share = (float)(found->share < 1 ? found->share : 1), more = share - hit[at];
+            float share = (float)(found->share < 1 ? found->share : 1), more = share - hit[found->at];
             hits[out] = more > 0 ? more : 0;
-            hit[at] += hits[out];
+            hit[found->at] += hits[out];
         }
-        inside[out] = (int32_t)(((found->row + row) & 127) * SIDE + ((found->column + column) & 127));
+        inside[out] = found->inside;
         near[out] = (float)found->near;
         passes[out] = found->crossed && !(before & PASSED_MARK);
         who[out] = found->who;

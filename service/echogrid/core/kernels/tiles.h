@@ -101,6 +101,19 @@ static int tiles_fit(const List *list, Py_ssize_t count, Py_ssize_t layers) {
 #define TILE(type, n, t) ((type *)given.list[n].array[t].buf)
 #define LAYER(n, t, layer) ((float *)((char *)given.list[n].array[t].buf + (layer) * given.list[n].array[t].strides[0]))
 
+/* The bits of the patch cells whose centres are nearest; none outside. */
+WIDE static void note_row(const int32_t *padded, int32_t across, const int32_t *flat, const float *fu, const float *fv, int64_t width, uint32_t now,
+                          uint16_t *radars, uint32_t *seen) {
+    int32_t bits[SIDE];
+    for (int64_t j = 0; j < width; j++) {
+        int32_t at = flat[j] + (fu[j] >= 0.5f) + (fv[j] >= 0.5f ? across : 0);
+        bits[j] = flat[j] < 0 ? 0 : at;
+    }
+    for (int64_t j = 0; j < width; j++) bits[j] = padded[bits[j]];
+    for (int64_t j = 0; j < width; j++) radars[j] |= (uint16_t)bits[j];
+    for (int64_t j = 0; j < width; j++) seen[j] = bits[j] ? now : seen[j];
+}
+
 KERNEL(note_views) {
     TAKE("H2f1f1xxxxl2*H2!*I2!");
     Py_ssize_t cells = LENGTH(0, 0), width = LENGTH(1, 0), tiles = LENGTH(3, 0), across = cells + 2;
@@ -111,13 +124,14 @@ KERNEL(note_views) {
     float c = (float)given.number[0], s = (float)given.number[1], shift = (float)given.number[2], fu[SIDE], fv[SIDE];
     uint32_t now = (uint32_t)given.number[3];
     int32_t flat[SIDE];
-    uint16_t *padded = calloc(across * across, sizeof *padded);
+    int32_t *padded = calloc(across * across, sizeof *padded);
     if (padded == NULL) {
         drop(&given);
         return PyErr_NoMemory();
     }
     Py_BEGIN_ALLOW_THREADS;
-    for (Py_ssize_t i = 0; i < cells; i++) memcpy(padded + (i + 1) * across + 1, ROW(uint16_t, 0, i), cells * sizeof *padded);
+    for (Py_ssize_t i = 0; i < cells; i++)
+        for (Py_ssize_t j = 0; j < cells; j++) padded[(i + 1) * across + j + 1] = ROW(uint16_t, 0, i)[j];
     for (Py_ssize_t t = 0; t < tiles; t++) {
         const Piece *piece = ROW(Piece, 3, t);
         for (int64_t i = 0; i < piece->height; i++) {
@@ -125,12 +139,7 @@ KERNEL(note_views) {
             uint16_t *radars = TILE(uint16_t, 0, t) + first;
             uint32_t *seen = TILE(uint32_t, 1, t) + first;
             place_row(dx + piece->from_column, piece->width, dy[piece->from_row + i], c, s, shift, (int32_t)cells, flat, fu, fv);
-            for (int64_t j = 0; j < piece->width; j++) {
-                if (flat[j] < 0) continue;
-                uint16_t bits = padded[flat[j] + (fu[j] >= 0.5f) + (fv[j] >= 0.5f ? across : 0)];
-                radars[j] |= bits;
-                seen[j] = bits ? now : seen[j];
-            }
+            note_row(padded, (int32_t)across, flat, fu, fv, piece->width, now, radars, seen);
         }
     }
     Py_END_ALLOW_THREADS;
