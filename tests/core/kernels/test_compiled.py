@@ -20,6 +20,7 @@ from echogrid.core.kernels import dispatch, reference
 from echogrid.core.kernels.answers import exponential
 from echogrid.core.kernels.cells import SIDE
 from echogrid.core.kernels.reading import logarithm
+from echogrid.core.map.tile import tiles_under
 
 compiled: Any = pytest.importorskip("echogrid.core.kernels.compiled", reason="no C compiler was at hand when echogrid was installed")
 TABLE = np.random.default_rng(0).integers(0, 256, 256).astype(np.uint8)
@@ -94,22 +95,16 @@ def draw_looks(random: Random, size: int) -> list[Any]:
 
 
 def footprint(random: Random) -> list[Any]:
-    """dx, dy, cosine, sine and shift of a patch of 12 x 12 cells."""
+    """How a patch of 12 x 12 cells of 0.25 m lies on a rectangle that often goes over the border of tiles."""
     angle = random.choice([0.0, np.pi / 2, random.uniform(-4, 4)])
-    dx, dy = ((np.arange(20) - 10 + random.choice([0.0, 0.5, random.random()])).astype(np.float32) for _ in range(2))
-    return [dx, dy, np.cos(angle), np.sin(angle), 6.5]
+    row, column = random.choice([-10, SIDE - 10, -3 * SIDE - 17]), random.integers(-SIDE, 3 * SIDE)
+    x, y = ((first + 10 + random.choice([0.0, 0.5, random.random()])) * 0.25 for first in (column, row))
+    return [int(row), int(column), *random.integers(1, 21, 2).tolist(), 0.25, x, y, np.cos(angle), np.sin(angle), 6.5]
 
 
 def bilinear(random: Random, size: int) -> list[Any]:
-    return [single(random, size % 3 + 1, 12, 12), *footprint(random), np.ones((size % 3 + 1, 20, 20), np.float32)]
-
-
-def pieces(random: Random, count: int) -> np.ndarray:
-    """(count, 6) of tiles under a rectangle of 20 x 20 cells."""
-    height, width = random.integers(0, 21, (2, count))
-    return np.stack(
-        (*random.integers(0, SIDE - 20, (2, count)), height, width, random.integers(0, 21 - height), random.integers(0, 21 - width)), axis=1
-    )
+    lies = footprint(random)
+    return [single(random, size % 3 + 1, 12, 12), *lies, np.ones((size % 3 + 1, *lies[2:4]), np.float32)]
 
 
 def tile_layers(random: Random, count: int) -> list[np.ndarray]:
@@ -124,15 +119,17 @@ def tile_views(random: Random, count: int) -> tuple[list[np.ndarray], list[np.nd
 
 
 def note_views(random: Random, size: int) -> list[Any]:
-    count = size % 4
+    lies = footprint(random)
+    keys = tiles_under(*lies[:4])
     bits = (random.integers(0, 1 << 16, (12, 12)) * random.integers(0, 2, (12, 12))).astype(np.uint16)
-    return [bits, *footprint(random), int(random.integers(0, 1 << 32)), pieces(random, count), *tile_views(random, count)]
+    return [bits, *lies, int(random.integers(0, 1 << 32)), np.array(keys), *tile_views(random, len(keys))]
 
 
 def add_looks(random: Random, size: int) -> list[Any]:
-    count, weight = size % 4, np.abs(single(random, 12, 12))
+    lies, weight = footprint(random), np.abs(single(random, 12, 12))
+    keys = tiles_under(*lies[:4])
     answer, cap = np.stack((single(random, 12, 12), weight)), float(random.choice([1.2, 20.0]))
-    return [answer, 0.25, *footprint(random), cap, pieces(random, count), tile_layers(random, count)]
+    return [answer, 0.25, *lies, cap, np.array(keys), tile_layers(random, len(keys))]
 
 
 def add_clamped(random: Random, size: int) -> list[Any]:
@@ -412,9 +409,11 @@ def test_every_loop_is_compared() -> None:
         ("add_measured", 1, np.full(5, SIDE * SIDE, np.int32)),
         ("add_measured", 0, np.array([0, 2, 1, 5])),
         ("add_measured", 11, [np.zeros((4, SIDE, SIDE), np.float32)] * 3),
-        ("add_looks", 7, np.array([[0, 0, 10, 10, 11, 0]])),
-        ("note_views", 7, np.array([[SIDE - 4, 0, 5, 5, 0, 0]])),
-        ("note_views", 8, np.zeros((1, SIDE, SIDE), np.uint16)),
+        ("add_looks", 13, np.zeros((2, 3), np.int64)),
+        ("add_looks", 14, [np.zeros((1, SIDE, SIDE), np.float32)] * 9),
+        ("note_views", 12, np.zeros((2, 1), np.int64)),
+        ("note_views", 13, np.zeros((1, SIDE, SIDE), np.uint16)),
+        ("bilinear", 3, 30),
         ("look", 11, np.zeros(7, np.float32)),
     ],
 )

@@ -39,13 +39,14 @@ def window_cells(points: Floats, row: int, column: int, size: int, cell: float) 
 
 
 def places(
-    cells: int, dx: Singles, dy: Singles, cos: float, sin: float, shift: float
+    cells: int, row: int, column: int, height: int, width: int, cell: float, x: float, y: float, cos: float, sin: float, shift: float
 ) -> tuple[NDArray[np.intp], Singles, Singles, Mask, int]:
-    """For map cells (height, width): the place in the patch with its border of the cell to the lower left, how far on from its centre along
-    x and y, and which lie outside; and how long that patch's rows are."""
-    c, s, offset, rows = np.float32(cos), np.float32(sin), np.float32(shift), dy[:, None]
-    u = c * dx + s * rows + offset
-    v = c * rows - s * dx + offset
+    """For map cells (height, width), as they lie in `tiles`: the place in the patch with its border of the cell to the lower left, how far
+    on from its centre along x and y, and which lie outside; and how long that patch's rows are."""
+    dx, rows = ((((np.arange(0.5, count) + first) * cell - at) / cell).astype(np.float32) for count, first, at in ((width, column, x), (height, row, y)))
+    c, s, offset, dy = np.float32(cos), np.float32(sin), np.float32(shift), rows[:, None]
+    u = c * dx + s * dy + offset
+    v = c * dy - s * dx + offset
     outside = (u < 0) | (v < 0) | (u >= cells + 1) | (v >= cells + 1)
     u0, v0 = np.floor(u), np.floor(v)
     return np.where(outside, 0, v0 * (cells + 2) + u0).astype(np.intp), u - u0, v - v0, outside, cells + 2

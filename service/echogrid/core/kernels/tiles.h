@@ -14,17 +14,32 @@ WIDE static void place_row(const float *dx, Py_ssize_t width, float dy, float c,
     }
 }
 
+/* A rectangle of map cells around the car, and how the patch lies on it. */
+typedef struct {
+    int64_t row, column, height, width; /* of the map */
+    double cell, x, y;
+    float c, s, shift;
+} Lies;
+
+#define LIES "xxxxxxxxxx"
+
+static Lies lies_of(const double *number) {
+    return (Lies){(int64_t)number[0], (int64_t)number[1], (int64_t)number[2], (int64_t)number[3], number[4], number[5], number[6], (float)number[7], (float)number[8], (float)number[9]};
+}
+
+/* Cells from the car to the centre of a map cell. */
+static inline float from_car(int64_t n, double cell, double at) { return (float)(((0.5 + (double)n) * cell - at) / cell); }
+
 KERNEL(bilinear) {
-    TAKE("f3f1f1xxxf3!");
-    Py_ssize_t planes = LENGTH(0, 0), cells = LENGTH(0, 1), width = LENGTH(1, 0), height = LENGTH(2, 0), across = cells + 2;
-    if (!sized(&given, LENGTH(0, 2) == cells && LENGTH(3, 0) == planes && LENGTH(3, 1) == height && LENGTH(3, 2) == width)) return NULL;
-    const float *dx = ARRAY(1)->buf, *dy = ARRAY(2)->buf;
-    float c = (float)given.number[0], s = (float)given.number[1], shift = (float)given.number[2];
-    float *padded = calloc(planes * across * across, sizeof *padded), *fu = malloc(3 * width * sizeof *fu + 1), *fv = fu + width;
+    TAKE("f3" LIES "f3!");
+    const Lies lies = lies_of(given.number);
+    Py_ssize_t planes = LENGTH(0, 0), cells = LENGTH(0, 1), width = lies.width, height = lies.height, across = cells + 2;
+    if (!sized(&given, LENGTH(0, 2) == cells && LENGTH(1, 0) == planes && LENGTH(1, 1) == height && LENGTH(1, 2) == width)) return NULL;
+    float *padded = calloc(planes * across * across, sizeof *padded), *dx = malloc(4 * width * sizeof *dx + 1), *fu = dx + width, *fv = fu + width;
     int32_t *flat = (int32_t *)(fv + width);
-    if (padded == NULL || fu == NULL) {
+    if (padded == NULL || dx == NULL) {
         free(padded);
-        free(fu);
+        free(dx);
         drop(&given);
         return PyErr_NoMemory();
     }
@@ -32,11 +47,12 @@ KERNEL(bilinear) {
     for (Py_ssize_t p = 0; p < planes; p++)
         for (Py_ssize_t i = 0; i < cells; i++)
             memcpy(padded + (p * across + i + 1) * across + 1, ROW3(float, 0, p, i), cells * sizeof *padded);
+    for (Py_ssize_t j = 0; j < width; j++) dx[j] = from_car(lies.column + j, lies.cell, lies.x);
     for (Py_ssize_t i = 0; i < height; i++) {
-        place_row(dx, width, dy[i], c, s, shift, (int32_t)cells, flat, fu, fv);
+        place_row(dx, width, from_car(lies.row + i, lies.cell, lies.y), lies.c, lies.s, lies.shift, (int32_t)cells, flat, fu, fv);
         for (Py_ssize_t p = 0; p < planes; p++) {
             const float *plane = padded + p * across * across;
-            float *out = ROW3(float, 3, p, i);
+            float *out = ROW3(float, 1, p, i);
             for (Py_ssize_t j = 0; j < width; j++) {
                 out[j] = 0;
                 if (flat[j] < 0) continue;
@@ -48,7 +64,7 @@ KERNEL(bilinear) {
     }
     Py_END_ALLOW_THREADS;
     free(padded);
-    free(fu);
+    free(dx);
     return done(&given);
 }
 
@@ -70,21 +86,24 @@ KERNEL(add_clamped) {
     return done(&given);
 }
 
-/* Part of a tile, and where it begins in the rectangle of the map's cells around the car. */
+/* Part of a tile under a rectangle: its first row and column in the tile, and in the map. */
 typedef struct {
-    int64_t row, column, height, width, from_row, from_column;
+    int64_t row, column, height, width, map_row, map_column;
 } Piece;
 
-static int pieces_fit(const Given *given, int places, Py_ssize_t height, Py_ssize_t width) {
-    const Py_buffer *array = &given->array[places];
-    int fits = array->shape[1] == 6;
-    for (Py_ssize_t t = 0; fits && t < array->shape[0]; t++) {
-        const Piece *piece = (const Piece *)((char *)array->buf + t * array->strides[0]);
-        fits = piece->row >= 0 && piece->column >= 0 && piece->height >= 0 && piece->width >= 0 && piece->row + piece->height <= SIDE &&
-               piece->column + piece->width <= SIDE && piece->from_row >= 0 && piece->from_column >= 0 &&
-               piece->from_row + piece->height <= height && piece->from_column + piece->width <= width;
-    }
-    return fits;
+static void overlap(int64_t tile, int64_t first, int64_t length, int64_t *within, int64_t *count, int64_t *of_map) {
+    int64_t begin = tile * SIDE, end = begin + SIDE;
+    *of_map = begin > first ? begin : first;
+    *within = *of_map - begin;
+    *count = (end < first + length ? end : first + length) - *of_map;
+}
+
+/* Of the tile with a key, its row and column of tiles. */
+static Piece piece_of(const int64_t *key, const Lies *lies) {
+    Piece piece;
+    overlap(key[0], lies->row, lies->height, &piece.row, &piece.height, &piece.map_row);
+    overlap(key[1], lies->column, lies->width, &piece.column, &piece.width, &piece.map_column);
+    return piece;
 }
 
 /* Whether a list has as many whole tiles, of at least so many layers where it is of layers. */
@@ -115,14 +134,13 @@ WIDE static void note_row(const int32_t *padded, int32_t across, const int32_t *
 }
 
 KERNEL(note_views) {
-    TAKE("H2f1f1xxxxl2*H2!*I2!");
-    Py_ssize_t cells = LENGTH(0, 0), width = LENGTH(1, 0), tiles = LENGTH(3, 0), across = cells + 2;
-    if (!sized(&given, LENGTH(0, 1) == cells && pieces_fit(&given, 3, LENGTH(2, 0), width) && tiles_fit(&given.list[0], tiles, 0) &&
-                           tiles_fit(&given.list[1], tiles, 0)))
+    TAKE("H2" LIES "xl2*H2!*I2!");
+    Py_ssize_t cells = LENGTH(0, 0), tiles = LENGTH(1, 0), across = cells + 2;
+    if (!sized(&given, LENGTH(0, 1) == cells && LENGTH(1, 1) == 2 && tiles_fit(&given.list[0], tiles, 0) && tiles_fit(&given.list[1], tiles, 0)))
         return NULL;
-    const float *dx = ARRAY(1)->buf, *dy = ARRAY(2)->buf;
-    float c = (float)given.number[0], s = (float)given.number[1], shift = (float)given.number[2], fu[SIDE], fv[SIDE];
-    uint32_t now = (uint32_t)given.number[3];
+    const Lies lies = lies_of(given.number);
+    float dx[SIDE], fu[SIDE], fv[SIDE];
+    uint32_t now = (uint32_t)given.number[10];
     int32_t flat[SIDE];
     int32_t *padded = calloc(across * across, sizeof *padded);
     if (padded == NULL) {
@@ -133,13 +151,14 @@ KERNEL(note_views) {
     for (Py_ssize_t i = 0; i < cells; i++)
         for (Py_ssize_t j = 0; j < cells; j++) padded[(i + 1) * across + j + 1] = ROW(uint16_t, 0, i)[j];
     for (Py_ssize_t t = 0; t < tiles; t++) {
-        const Piece *piece = ROW(Piece, 3, t);
-        for (int64_t i = 0; i < piece->height; i++) {
-            int64_t first = (piece->row + i) * SIDE + piece->column;
+        const Piece piece = piece_of(ROW(int64_t, 1, t), &lies);
+        for (int64_t j = 0; j < piece.width; j++) dx[j] = from_car(piece.map_column + j, lies.cell, lies.x);
+        for (int64_t i = 0; i < piece.height; i++) {
+            int64_t first = (piece.row + i) * SIDE + piece.column;
             uint16_t *radars = TILE(uint16_t, 0, t) + first;
             uint32_t *seen = TILE(uint32_t, 1, t) + first;
-            place_row(dx + piece->from_column, piece->width, dy[piece->from_row + i], c, s, shift, (int32_t)cells, flat, fu, fv);
-            note_row(padded, (int32_t)across, flat, fu, fv, piece->width, now, radars, seen);
+            place_row(dx, piece.width, from_car(piece.map_row + i, lies.cell, lies.y), lies.c, lies.s, lies.shift, (int32_t)cells, flat, fu, fv);
+            note_row(padded, (int32_t)across, flat, fu, fv, piece.width, now, radars, seen);
         }
     }
     Py_END_ALLOW_THREADS;
@@ -176,13 +195,11 @@ WIDE static void add_row(const float *more, const float *heavier, Py_ssize_t wid
 }
 
 KERNEL(add_looks) {
-    TAKE("f3xf1f1xxxxl2*f3!");
-    Py_ssize_t cells = LENGTH(0, 1), width = LENGTH(1, 0), tiles = LENGTH(3, 0), across = cells + 2;
-    if (!sized(&given, LENGTH(0, 0) == 2 && LENGTH(0, 2) == cells && pieces_fit(&given, 3, LENGTH(2, 0), width) && tiles_fit(&given.list[0], tiles, 2)))
-        return NULL;
-    const float *dx = ARRAY(1)->buf, *dy = ARRAY(2)->buf;
-    float share = (float)given.number[0], c = (float)given.number[1], s = (float)given.number[2], shift = (float)given.number[3];
-    float most = (float)given.number[4], fu[SIDE], fv[SIDE], more[SIDE], heavier[SIDE];
+    TAKE("f3x" LIES "xl2*f3!");
+    Py_ssize_t cells = LENGTH(0, 1), tiles = LENGTH(1, 0), across = cells + 2;
+    if (!sized(&given, LENGTH(0, 0) == 2 && LENGTH(0, 2) == cells && LENGTH(1, 1) == 2 && tiles_fit(&given.list[0], tiles, 2))) return NULL;
+    const Lies lies = lies_of(given.number + 1);
+    float share = (float)given.number[0], most = (float)given.number[11], dx[SIDE], fu[SIDE], fv[SIDE], more[SIDE], heavier[SIDE];
     int32_t flat[SIDE];
     Pair *padded = calloc(across * across, sizeof *padded);
     if (padded == NULL) {
@@ -197,12 +214,13 @@ KERNEL(add_looks) {
         }
     }
     for (Py_ssize_t t = 0; t < tiles; t++) {
-        const Piece *piece = ROW(Piece, 3, t);
-        for (int64_t i = 0; i < piece->height; i++) {
-            int64_t first = (piece->row + i) * SIDE + piece->column;
-            place_row(dx + piece->from_column, piece->width, dy[piece->from_row + i], c, s, shift, (int32_t)cells, flat, fu, fv);
-            blend_row(padded, across, flat, fu, fv, piece->width, more, heavier);
-            add_row(more, heavier, piece->width, most, LAYER(0, t, 0) + first, LAYER(0, t, 1) + first);
+        const Piece piece = piece_of(ROW(int64_t, 1, t), &lies);
+        for (int64_t j = 0; j < piece.width; j++) dx[j] = from_car(piece.map_column + j, lies.cell, lies.x);
+        for (int64_t i = 0; i < piece.height; i++) {
+            int64_t first = (piece.row + i) * SIDE + piece.column;
+            place_row(dx, piece.width, from_car(piece.map_row + i, lies.cell, lies.y), lies.c, lies.s, lies.shift, (int32_t)cells, flat, fu, fv);
+            blend_row(padded, across, flat, fu, fv, piece.width, more, heavier);
+            add_row(more, heavier, piece.width, most, LAYER(0, t, 0) + first, LAYER(0, t, 1) + first);
         }
     }
     Py_END_ALLOW_THREADS;

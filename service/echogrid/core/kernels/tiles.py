@@ -1,9 +1,8 @@
 """The reference's loops into the tiles of a map: a patch around the car, and what was measured.
 
-Several tiles at once: lists of their arrays, and pieces (T, 6), of each tile the part under a rectangle of the map's cells: its first row
-and column in the tile, height, width, and its first row and column in the rectangle. The rectangle's cells lie `dx` (width,) and `dy`
-(height,) cells from the car, which is turned by that cosine and sine; `shift`: cells from the middle of the patch to its corner with a
-border of one zero cell.
+Several tiles at once: their keys (T, 2), row and column of tiles, and lists of their arrays. `lies` says where a patch lies on a rectangle of
+the map's cells, as ten numbers: the rectangle's first row and column, height and width; a cell's side (m); x and y of the car (m), which is
+turned by that cosine and sine; cells from the middle of the patch to its corner with a border of one zero cell.
 """
 
 from __future__ import annotations
@@ -13,15 +12,28 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from echogrid.core.kernels.cells import Bits, Integers, Mask, Places, Singles, places
+from echogrid.core.kernels.cells import SIDE, Bits, Integers, Mask, Places, Singles, places
 
 Seconds = NDArray[np.uint32]
 Part = tuple[slice, slice]
 
 
-def bilinear(planes: Singles, dx: Singles, dy: Singles, cos: float, sin: float, shift: float, out: Singles) -> None:
+def bilinear(
+    planes: Singles,
+    row: int,
+    column: int,
+    height: int,
+    width: int,
+    cell: float,
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    shift: float,
+    out: Singles,
+) -> None:
     """Planes (P, H, W) of a patch on the cells of the rectangle (P, height, width); 0 outside."""
-    flat, fu, fv, outside, across = places(planes.shape[1], dx, dy, cos, sin, shift)
+    flat, fu, fv, outside, across = places(planes.shape[1], row, column, height, width, cell, x, y, cos, sin, shift)
     for plane, values in zip(out, np.pad(planes, ((0, 0), (1, 1), (1, 1))).reshape(len(planes), -1), strict=True):
         below = values[flat] * (1 - fu) + values[flat + 1] * fu
         above = values[flat + across] * (1 - fu) + values[flat + across + 1] * fu
@@ -30,22 +42,27 @@ def bilinear(planes: Singles, dx: Singles, dy: Singles, cos: float, sin: float, 
 
 def note_views(
     bits: Bits,
-    dx: Singles,
-    dy: Singles,
+    row: int,
+    column: int,
+    height: int,
+    width: int,
+    cell: float,
+    x: float,
+    y: float,
     cos: float,
     sin: float,
     shift: float,
     now_s: int,
-    pieces: Integers,
+    keys: Integers,
     radars: Sequence[Bits],
     seen_s: Sequence[Seconds],
 ) -> None:
     """Adds bits (H, W) of a patch to the tiles' radars, to each cell those of the patch's whose centre is nearest; cells with any were seen
     now."""
-    flat, fu, fv, outside, across = places(len(bits), dx, dy, cos, sin, shift)
+    flat, fu, fv, outside, across = places(len(bits), row, column, height, width, cell, x, y, cos, sin, shift)
     seen = np.pad(bits, 1).reshape(-1)[flat + (fu >= 0.5) + np.where(fv >= 0.5, across, 0)]
     seen[outside] = 0
-    for (inside, piece), who, when in zip(parts(pieces), radars, seen_s, strict=True):
+    for (inside, piece), who, when in zip(parts(keys, row, column, height, width), radars, seen_s, strict=True):
         who[inside] |= seen[piece]
         when[inside][seen[piece] != 0] = now_s
 
@@ -53,22 +70,27 @@ def note_views(
 def add_looks(
     said: Singles,
     share: float,
-    dx: Singles,
-    dy: Singles,
+    row: int,
+    column: int,
+    height: int,
+    width: int,
+    cell: float,
+    x: float,
+    y: float,
     cos: float,
     sin: float,
     shift: float,
     most: float,
-    pieces: Integers,
+    keys: Integers,
     layers: Sequence[Singles],
 ) -> None:
     """Adds a patch's log-odds by their weights, said (2, H, W), and the weights, a `share` of both, to the first two layers of tiles, and
     shrinks these where the weight exceeds `most`."""
     log_odds, weight = said
     planes = np.stack((log_odds * weight * np.float32(share), weight * np.float32(share)))
-    more = np.empty((2, len(dy), len(dx)), np.float32)
-    bilinear(planes, dx, dy, cos, sin, shift, more)
-    for (inside, piece), (total, weights, *_) in zip(parts(pieces), layers, strict=True):
+    more = np.empty((2, height, width), np.float32)
+    bilinear(planes, row, column, height, width, cell, x, y, cos, sin, shift, more)
+    for (inside, piece), (total, weights, *_) in zip(parts(keys, row, column, height, width), layers, strict=True):
         total[inside] += more[0][piece]
         weights[inside] += more[1][piece]
         kept = np.minimum(1.0, most / np.maximum(weights[inside], 1.0))
@@ -119,8 +141,14 @@ def add_measured(
         flat[:, here] = found
 
 
-def parts(pieces: Integers) -> Iterator[tuple[Part, Part]]:
-    """The part of each tile, and the part of the rectangle."""
-    for row, column, height, width, from_row, from_column in pieces.tolist():
-        inside = slice(row, row + height), slice(column, column + width)
-        yield inside, (slice(from_row, from_row + height), slice(from_column, from_column + width))
+def parts(keys: Integers, row: int, column: int, height: int, width: int) -> Iterator[tuple[Part, Part]]:
+    """Of each tile the part under a rectangle of map cells, and the part of the rectangle."""
+    for tile_row, tile_column in keys.tolist():
+        (i, rows), (j, columns) = overlap(tile_row, row, height), overlap(tile_column, column, width)
+        yield (i, j), (rows, columns)
+
+
+def overlap(tile: int, first: int, length: int) -> tuple[slice, slice]:
+    """Along one axis: the slice of the tile and the slice of the rectangle [first, first + length) that cover each other."""
+    start, stop = max(tile * SIDE, first), min((tile + 1) * SIDE, first + length)
+    return slice(start - tile * SIDE, stop - tile * SIDE), slice(start - first, stop - first)

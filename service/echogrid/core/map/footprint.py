@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from echogrid.core.evidence.raster import GridSpec
@@ -13,35 +13,35 @@ from echogrid.core.map.tile import Layers
 from echogrid.core.motion.se2 import SE2
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Footprint:
-    """`row` and `column`: of the map's first cell around the car. Each cell reads the patch at its own centre, so that a turn neither
-    doubles nor loses anything; outside the patch it reads 0."""
+class Footprint(msgspec.Struct, frozen=True, eq=False):
+    """Each cell reads the patch at its own centre, so that a turn neither doubles nor loses anything; outside the patch it reads 0."""
 
-    row: int
-    column: int
-    lies: tuple[Layers, Layers, float, float, float]  # as the loops have it, see kernels/tiles.py: dx (W,), dy (H,), cosine, sine, shift
+    lies: tuple[int, int, int, int, float, float, float, float, float, float]  # as the loops have it, see kernels/tiles.py
 
     @staticmethod
     def of(odom_from_base: SE2, spec: GridSpec) -> Footprint:
         """Around a pose."""
         cell, half = spec.cell, spec.half
-        cos, sin = math.cos(odom_from_base.yaw), math.sin(odom_from_base.yaw)
+        x, y, yaw = odom_from_base
+        cos, sin = math.cos(yaw), math.sin(yaw)
         reach = (half + cell / 2) * (abs(cos) + abs(sin))
-        column = math.floor((odom_from_base.x - reach) / cell)
-        row = math.floor((odom_from_base.y - reach) / cell)
-        # From the car, in cells: small enough for float32, which halves the time.
-        centres = np.arange(0.5, math.ceil(2 * reach / cell) + 1) + np.array(((column,), (row,)))
-        centres *= cell
-        centres -= ((odom_from_base.x,), (odom_from_base.y,))
-        centres /= cell
-        dx, dy = centres.astype(np.float32)
-        return Footprint(row, column, (dx, dy, cos, sin, half / cell + 0.5))
+        size = math.ceil(2 * reach / cell) + 1
+        return Footprint((math.floor((y - reach) / cell), math.floor((x - reach) / cell), size, size, cell, x, y, cos, sin, half / cell + 0.5))
+
+    @property
+    def row(self) -> int:
+        """Of the map's first cell around the car."""
+        return self.lies[0]
+
+    @property
+    def column(self) -> int:
+        """Of the same."""
+        return self.lies[1]
 
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns of the map's cells."""
-        return len(self.lies[1]), len(self.lies[0])
+        return self.lies[2], self.lies[3]
 
     def bilinear(self, planes: Layers) -> Layers:
         """Planes (P, H, W) of the patch on the map's cells, (P, height, width)."""

@@ -18,7 +18,7 @@ from echogrid.core.evidence.inverse_sensor_model import BeamModel
 from echogrid.core.kernels.cells import by_tile, once
 from echogrid.core.kernels.dispatch import loops
 from echogrid.core.map.standstill import Standstill, disc
-from echogrid.core.map.tile import SIDE, TileKey
+from echogrid.core.map.tile import TileKey, tiles_under
 from echogrid.core.motion.se2 import SE2
 
 REACH = 40.0  # m from the car; what lies farther is not kept
@@ -50,12 +50,6 @@ class Change:
         return np.array([begins[n] for n in some] + begins[-1:]), [self.under[n] for n in some]
 
 
-def tiles_under(window: Window) -> list[TileKey]:
-    """By rows."""
-    rows, columns = (range(first // SIDE, (first + window.size - 1) // SIDE + 1) for first in (window.row, window.column))
-    return [(row, column) for row in rows for column in columns]
-
-
 class Measurement:
     """Remembers what the running look has counted, and while the car stands what is usual."""
 
@@ -80,7 +74,7 @@ class Measurement:
         half = self._size // 2
         row, column = (math.floor(value / self._cell) - half for value in (odom_from_base.y, odom_from_base.x))
         self._window = Window(row, column, self._size, self._cell)
-        self._under = tiles_under(self._window)
+        self._under = tiles_under(row, column, self._size, self._size)
         self._hit.fill(0)
         self._marks.fill(0)
         self._standstill: Standstill | None = None

@@ -32,7 +32,7 @@ class OccupancyMap(TiledMap):
         footprint = Footprint.of(odom_from_base, self.spec)
         (patch,) = footprint.bilinear(said[None])
         under, tiles = self._changing(footprint, view)
-        for (inside, piece), tile in zip(parts(under), tiles, strict=True):
+        for (inside, piece), tile in zip(parts(under, *footprint.lies[:4]), tiles, strict=True):
             loops.add_clamped(patch[piece], self.clamp, LEAST, tile.layers[0][inside])
 
     def read(self, layers: Layers, into: LogOdds | None = None) -> LogOdds:

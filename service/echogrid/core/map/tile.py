@@ -38,6 +38,12 @@ def tile_bytes(layers: int) -> int:
     return SIDE * SIDE * (4 * layers + 4 + 2)
 
 
+def tiles_under(row: int, column: int, height: int, width: int) -> list[TileKey]:
+    """Those that hold cells of a rectangle, by rows."""
+    columns = range(column // SIDE, (column + width - 1) // SIDE + 1)
+    return [(one, other) for one in range(row // SIDE, (row + height - 1) // SIDE + 1) for other in columns]
+
+
 def most_tiles_along(cells: int) -> int:
     """That a row of `cells` cells can touch, wherever it begins."""
     return (cells + SIDE - 2) // SIDE + 1

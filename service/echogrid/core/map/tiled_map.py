@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from echogrid.core.evidence.beams import Beams
 from echogrid.core.evidence.raster import GridSpec, Image
 from echogrid.core.kernels.dispatch import loops
+from echogrid.core.kernels.tiles import overlap
 from echogrid.core.map.footprint import Footprint
-from echogrid.core.map.tile import SIDE, Layers, Tile, TileKey
+from echogrid.core.map.tile import SIDE, Layers, Tile, TileKey, tiles_under
 from echogrid.core.motion.se2 import SE2
 
 LogOdds = NDArray[np.float32]
@@ -153,15 +154,12 @@ class TiledMap(ABC):
         return first_row + top, first_column + left, np.ascontiguousarray(cut)
 
     def _changing(self, footprint: Footprint, view: View | None) -> tuple[NDArray[np.int64], list[Tile]]:
-        """The pieces of tiles under a footprint, as the loops have them (kernels/tiles.py), and the tiles, which are about to be changed.
+        """The keys of the tiles under a footprint, as the loops have them (kernels/tiles.py), and the tiles, which are about to be changed.
 
         What the view tells is noted in them.
         """
-        keys, rows = [], []
-        for key, (i, j), (row, column) in pieces(footprint.row, footprint.column, *footprint.shape):
-            keys.append(key)
-            rows.append((i.start, j.start, i.stop - i.start, j.stop - j.start, row.start, column.start))
-        under, tiles = np.array(rows, np.int64), self._changed(keys)
+        keys = tiles_under(*footprint.lies[:4])
+        under, tiles = np.array(keys), self._changed(keys)
         if view is not None:
             self.stamp_ns = view.stamp_ns
             radars, seen_s = [tile.radars for tile in tiles], [tile.seen_s for tile in tiles]
@@ -210,14 +208,6 @@ def probability(log_odds: LogOdds) -> LogOdds:
 
 def pieces(row: int, column: int, height: int, width: int) -> Iterator[tuple[TileKey, tuple[slice, slice], tuple[slice, slice]]]:
     """The tiles under a rectangle: each one's key, the part of the tile, the part of the rectangle."""
-    for tile_row in range(row // SIDE, (row + height - 1) // SIDE + 1):
-        rows = _overlap(tile_row, row, height)
-        for tile_column in range(column // SIDE, (column + width - 1) // SIDE + 1):
-            columns = _overlap(tile_column, column, width)
-            yield (tile_row, tile_column), (rows[0], columns[0]), (rows[1], columns[1])
-
-
-def _overlap(tile: int, first: int, length: int) -> tuple[slice, slice]:
-    """Along one axis: the slice of the tile and the slice of the rectangle [first, first + length) that cover each other."""
-    start, stop = max(tile * SIDE, first), min((tile + 1) * SIDE, first + length)
-    return slice(start - tile * SIDE, stop - tile * SIDE), slice(start - first, stop - first)
+    for key in tiles_under(row, column, height, width):
+        (i, rows), (j, columns) = overlap(key[0], row, height), overlap(key[1], column, width)
+        yield key, (i, j), (rows, columns)

@@ -48,7 +48,7 @@ class SummedBeams(OccupancyMap):
         footprint = Footprint.of(odom_from_base, self.spec)
         patch = footprint.bilinear(said)
         under, tiles = self._changing(footprint, view)
-        for (inside, piece), tile in zip(parts(under), tiles, strict=True):
+        for (inside, piece), tile in zip(parts(under, *footprint.lies[:4]), tiles, strict=True):
             for layer, added, clamp in zip(tile.layers, patch, self._clamps, strict=True):
                 loops.add_clamped(added[piece], clamp, LEAST, layer[inside])
 
