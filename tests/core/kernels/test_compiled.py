@@ -151,8 +151,7 @@ def look(random: Random, size: int) -> list[Any]:
     origins, ends = points(random, size, 2, 0.25) + middle, points(random, size, 8, 0.25) + middle
     away = ends - origins
     distance = np.hypot(*away.T)
-    state = [np.zeros(side**2, np.float32), random.integers(0, 4, side**2).astype(np.uint32)]
-    state[0][random.random(side**2) < 0.3] = 0.3
+    hit, marks = random.choice([0.0, 0.3, 0.9], side**2).astype(np.float32), random.integers(0, 8, side**2).astype(np.uint8)
     tiles = np.prod([(first + side - 1) // SIDE - first // SIDE + 1 for first in (row, column)])
     dtypes = (np.int32, np.float32, np.float32, np.float32, np.uint16)
     return [
@@ -165,7 +164,8 @@ def look(random: Random, size: int) -> list[Any]:
             random.dirichlet(np.ones(rays)),
         ),
         *(ends, origins, away / np.maximum(distance, 1e-9)[:, None], distance, (1 << random.integers(0, 4, size)).astype(np.uint16)),
-        *(0.5, np.array([-side, -1, 0, 2, side + 1]), np.array([1.0, 1.7, 2.7, 0.9, 0.4]), *state),
+        *(0.5, np.array([-side, -1, 0, 2, side + 1]), np.array([1.0, 1.7, 2.7, 0.9, 0.4]), hit, marks),
+        np.zeros(side**2, np.uint32),
         *(np.empty(tiles + 1, np.int64), *(np.zeros(side**2, dtype) for dtype in dtypes)),
     ]
 
@@ -414,7 +414,7 @@ def test_every_loop_is_compared() -> None:
         ("note_views", 12, np.zeros((2, 1), np.int64)),
         ("note_views", 13, np.zeros((1, SIDE, SIDE), np.uint16)),
         ("bilinear", 3, 30),
-        ("look", 11, np.zeros(7, np.float32)),
+        ("look", 12, np.zeros(7, np.float32)),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(name: str, place: int, wrong: np.ndarray) -> None:

@@ -11,11 +11,10 @@ Integers = NDArray[np.int64]
 Places = NDArray[np.int32]
 Bytes = NDArray[np.uint8]
 Bits = NDArray[np.uint16]
-Marks = NDArray[np.uint32]
 Mask = NDArray[np.bool_]
 
 SIDE = 128  # cells along a tile's side
-OWN, PASSED = 1, 2  # bits of what a look has marked a cell with
+OWN, PASSED, HIT = 1, 2, 4  # bits of what a look has marked a cell with
 
 
 def once(values: NDArray[np.integer]) -> NDArray[np.integer]:
@@ -43,7 +42,10 @@ def places(
 ) -> tuple[NDArray[np.intp], Singles, Singles, Mask, int]:
     """For map cells (height, width), as they lie in `tiles`: the place in the patch with its border of the cell to the lower left, how far
     on from its centre along x and y, and which lie outside; and how long that patch's rows are."""
-    dx, rows = ((((np.arange(0.5, count) + first) * cell - at) / cell).astype(np.float32) for count, first, at in ((width, column, x), (height, row, y)))
+    dx, rows = (
+        (((np.arange(0.5, count) + first) * cell - at) / cell).astype(np.float32)
+        for count, first, at in ((width, column, x), (height, row, y))
+    )
     c, s, offset, dy = np.float32(cos), np.float32(sin), np.float32(shift), rows[:, None]
     u = c * dx + s * dy + offset
     v = c * dy - s * dx + offset

@@ -549,26 +549,25 @@ typedef struct {
     double share, near;
 } Touched;
 
-enum { OWN_MARK = 1, PASSED_MARK = 2, MARKS = 2 }; /* bits of a cell's marks; what is above them is its place in the list, from 1 */
+enum { OWN_MARK = 1, PASSED_MARK = 2, HIT_MARK = 4 }; /* bits of a cell's marks */
 
 typedef struct {
     Touched *list;
     Py_ssize_t count;
-    uint32_t *marks;
+    uint32_t *numbers; /* of cells, their place in the list from 1; 0: none */
     int64_t *begins; /* of each tile the cells so far, at the next one's place */
     uint32_t row, column, size, wide; /* of the window's first cell in the first tile, cells along a side, tiles along a row */
     uint64_t inverse; /* of the size, times 2^45: a product's whole part is the quotient, of what is below 2^30 by what is below 2^15 */
 } Look;
 
 static inline Touched *touch(Look *look, int32_t at) {
-    uint32_t place = look->marks[at] >> MARKS;
+    uint32_t place = look->numbers[at];
     if (!place) {
         uint32_t i = (uint32_t)((uint64_t)at * look->inverse >> 45), row = i + look->row, column = (uint32_t)at - i * look->size + look->column;
         uint32_t tile = (row >> 7) * look->wide + (column >> 7);
         look->begins[tile + 1]++;
         look->list[look->count++] = (Touched){.at = at, .tile = tile, .inside = (uint16_t)((row & 127) * SIDE + (column & 127))};
-        place = (uint32_t)look->count;
-        look->marks[at] |= place << MARKS;
+        look->numbers[at] = place = (uint32_t)look->count;
     }
     return &look->list[place - 1];
 }
@@ -576,23 +575,24 @@ static inline Touched *touch(Look *look, int32_t at) {
 static int ascending(const void *one, const void *other) { return (*(int32_t *)one > *(int32_t *)other) - (*(int32_t *)one < *(int32_t *)other); }
 
 KERNEL(look) {
-    TAKE("xxxxd2d1d2d2d2d1H1xl1d1f1!I1!l1!i1!f1!f1!f1!H1!");
+    TAKE("xxxxd2d1d2d2d2d1H1xl1d1f1!B1!I1!l1!i1!f1!f1!f1!H1!");
     int64_t row = (int64_t)given.number[0], column = (int64_t)given.number[1], size = (int64_t)given.number[2];
     Py_ssize_t beams = LENGTH(2, 0), rays = LENGTH(1, 0), around = LENGTH(7, 0), cells = size * size, tile_row = row >> 7, tile_column = column >> 7;
     Py_ssize_t tall = ((row + size - 1) >> 7) - tile_row + 1, wide = ((column + size - 1) >> 7) - tile_column + 1;
     int fits = LENGTH(0, 0) == beams * rays && LENGTH(0, 1) == 2 && LENGTH(2, 1) == 2 && LENGTH(3, 0) == beams && LENGTH(3, 1) == 2 &&
                LENGTH(4, 0) == beams && LENGTH(4, 1) == 2 && LENGTH(5, 0) == beams && LENGTH(6, 0) == beams && LENGTH(8, 0) == around &&
-               LENGTH(11, 0) == tall * wide + 1 && size > 0 && size < 1 << 15;
-    for (int n = 9; n < 17; n++) fits &= n == 11 || LENGTH(n, 0) == cells;
+               LENGTH(12, 0) == tall * wide + 1 && size > 0 && size < 1 << 15;
+    for (int n = 9; n < 18; n++) fits &= n == 12 || LENGTH(n, 0) == cells;
     if (!sized(&given, fits)) return NULL;
     const double *shares = ARRAY(1)->buf, *distance = ARRAY(5)->buf, *weights = ARRAY(8)->buf;
     const uint16_t *radars = ARRAY(6)->buf;
     const int64_t *offsets = ARRAY(7)->buf;
-    float *hit = ARRAY(9)->buf, *hits = ARRAY(13)->buf, *near = ARRAY(14)->buf, *passes = ARRAY(15)->buf;
-    uint32_t *marks = ARRAY(10)->buf;
-    uint16_t *who = ARRAY(16)->buf;
-    int64_t *begins = ARRAY(11)->buf;
-    int32_t *inside = ARRAY(12)->buf;
+    float *hit = ARRAY(9)->buf, *hits = ARRAY(14)->buf, *near = ARRAY(15)->buf, *passes = ARRAY(16)->buf;
+    uint8_t *marks = ARRAY(10)->buf;
+    uint32_t *numbers = ARRAY(11)->buf;
+    uint16_t *who = ARRAY(17)->buf;
+    int64_t *begins = ARRAY(12)->buf;
+    int32_t *inside = ARRAY(13)->buf;
     double cell = given.number[3], margin = given.number[4], step = cell / 2;
     Py_ssize_t fresh = 0;
     double most = beams * (double)(rays + around); /* cells that may be touched */
@@ -609,7 +609,7 @@ KERNEL(look) {
         return PyErr_NoMemory();
     }
     const Window window = {row, column, size, cell, 1 / cell, 0};
-    Look look = {list, 0, marks, begins, (uint32_t)(row & 127), (uint32_t)(column & 127), (uint32_t)size, (uint32_t)wide, ((uint64_t)1 << 45) / (uint64_t)size + 1};
+    Look look = {list, 0, numbers, begins, (uint32_t)(row & 127), (uint32_t)(column & 127), (uint32_t)size, (uint32_t)wide, ((uint64_t)1 << 45) / (uint64_t)size + 1};
     int64_t r, c;
     Py_BEGIN_ALLOW_THREADS;
     memset(begins, 0, (tall * wide + 1) * sizeof *begins);
@@ -651,17 +651,20 @@ KERNEL(look) {
     for (Py_ssize_t n = 0; n < look.count; n++) {
         const Touched *found = &list[n];
         Py_ssize_t out = begins[found->tile]++;
-        uint32_t before = marks[found->at] & (OWN_MARK | PASSED_MARK);
-        marks[found->at] = before | found->crossed * PASSED_MARK;
+        uint8_t *mark = &marks[found->at];
+        numbers[found->at] = 0;
         hits[out] = 0;
         if (found->share > 0) {
-            float share = (float)(found->share < 1 ? found->share : 1), more = share - hit[found->at];
+            float share = (float)(found->share < 1 ? found->share : 1), before = *mark & HIT_MARK ? hit[found->at] : 0;
+            float more = share - before;
             hits[out] = more > 0 ? more : 0;
-            hit[found->at] += hits[out];
+            hit[found->at] = before + hits[out];
+            *mark |= HIT_MARK;
         }
         inside[out] = found->inside;
         near[out] = (float)found->near;
-        passes[out] = found->crossed && !(before & PASSED_MARK);
+        passes[out] = found->crossed && !(*mark & PASSED_MARK);
+        *mark |= found->crossed * PASSED_MARK;
         who[out] = found->who;
     }
     memmove(begins + 1, begins, tall * wide * sizeof *begins);

@@ -8,18 +8,19 @@ quotients, roots and comparisons are made here, whose bits are the same on every
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from echogrid.core.kernels.answers import fold as fold
 from echogrid.core.kernels.answers import odds as odds
 from echogrid.core.kernels.can_frames import can_frames as can_frames
 from echogrid.core.kernels.cells import (
+    HIT,
     OWN,
     PASSED,
     Bits,
     Bytes,
     Floats,
     Integers,
-    Marks,
     Mask,
     Places,
     Singles,
@@ -199,7 +200,8 @@ def look(
     offsets: Integers,
     weights: Floats,
     hit: Singles,
-    marks: Marks,
+    marks: Bytes,
+    numbers: NDArray[np.uint32],
     begins: Integers,
     inside: Places,
     hits: Singles,
@@ -212,7 +214,8 @@ def look(
     Beams: points (N, 2) seen from origins (N, 2) over `distance` (N,) m along direction (N, 2), by `radars` (N,) bits; they may end in
     ends (N * R, 2) with shares (R,). A cell around a point's, `offsets` (K,) flat cells from it, is near it by weights (K,).
 
-    The look so far, flat cells, changed: `hit` the largest share, `marks` OWN where a point was and PASSED where a beam passed.
+    The look so far, flat cells, changed: `marks` OWN where a point was, PASSED where a beam passed and HIT where one may have ended, there
+    `hit` the largest share. `numbers` of cells, for the compiled loop: 0 before and after.
 
     Out, tile by tile: `begins` (T + 1,) where each tile's cells begin in the rest, rows of tiles first. Of cells that a beam touched:
     `inside` the flat cell in its tile, what is to be added to hits, near and passes, and `who` touched it. Their order within a tile is
@@ -223,8 +226,11 @@ def look(
     found, place = np.unique(flat[in_window], return_inverse=True)
     share = np.zeros(size * size, np.float32)
     share[found] = np.minimum(np.bincount(place, weights=np.tile(shares, len(points))[in_window]), 1.0)
-    more = np.maximum(share - hit, 0)
-    hit += more
+    before = np.where(marks[found] & HIT, hit[found], np.float32(0))
+    more = np.zeros(size * size, np.float32)
+    more[found] = np.maximum(share[found] - before, 0)
+    hit[found] = before + more[found]
+    marks[found] |= HIT
     mine = once(window_cells(points, row, column, size, cell))
     mine = mine[mine >= 0]
     mine = mine[marks[mine] & OWN == 0]

@@ -1,7 +1,7 @@
 """The reference's loops into the tiles of a map: a patch around the car, and what was measured.
 
-Several tiles at once: their keys (T, 2), row and column of tiles, and lists of their arrays. `lies` says where a patch lies on a rectangle of
-the map's cells, as ten numbers: the rectangle's first row and column, height and width; a cell's side (m); x and y of the car (m), which is
+Several tiles at once: their keys (T, 2), row and column of tiles, and lists of their arrays. Ten numbers say where a patch lies on a
+rectangle of the map's cells: the rectangle's first row and column, height and width; a cell's side (m); x and y of the car (m), which is
 turned by that cosine and sine; cells from the middle of the patch to its corner with a border of one zero cell.
 """
 

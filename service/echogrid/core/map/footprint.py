@@ -26,7 +26,8 @@ class Footprint(msgspec.Struct, frozen=True, eq=False):
         cos, sin = math.cos(yaw), math.sin(yaw)
         reach = (half + cell / 2) * (abs(cos) + abs(sin))
         size = math.ceil(2 * reach / cell) + 1
-        return Footprint((math.floor((y - reach) / cell), math.floor((x - reach) / cell), size, size, cell, x, y, cos, sin, half / cell + 0.5))
+        row, column = math.floor((y - reach) / cell), math.floor((x - reach) / cell)
+        return Footprint((row, column, size, size, cell, x, y, cos, sin, half / cell + 0.5))
 
     @property
     def row(self) -> int:

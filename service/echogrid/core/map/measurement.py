@@ -66,7 +66,7 @@ class Measurement:
         self._inside = np.empty(cells, np.int32)
         self._hits, self._near, self._passes = (np.empty(cells, np.float32) for _ in range(3))
         self._radars = np.empty(cells, np.uint16)
-        self._hit, self._marks = np.zeros(cells, np.float32), np.zeros(cells, np.uint32)
+        self._hit, self._marks, self._numbers = np.empty(cells, np.float32), np.zeros(cells, np.uint8), np.zeros(cells, np.uint32)
         self.begin(SE2(0.0, 0.0, 0.0))
 
     def begin(self, odom_from_base: SE2) -> None:
@@ -75,7 +75,6 @@ class Measurement:
         row, column = (math.floor(value / self._cell) - half for value in (odom_from_base.y, odom_from_base.x))
         self._window = Window(row, column, self._size, self._cell)
         self._under = tiles_under(row, column, self._size, self._size)
-        self._hit.fill(0)
         self._marks.fill(0)
         self._standstill: Standstill | None = None
         self._arrived = np.zeros(0, np.float32)  # looks that arrivals were given
@@ -101,6 +100,7 @@ class Measurement:
             self._weights,
             self._hit,
             self._marks,
+            self._numbers,
             begins,
             self._inside,
             self._hits,
