@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import msgspec
 import numpy as np
@@ -51,7 +51,7 @@ def steps(epoch_at: int) -> Iterator[Step]:
         snapshot = snapshots.take(pipeline.mapper, update, config.publish)
         if snapshot is not None:
             count += 1
-            snapshot = replace(snapshot, epoch=int(count >= epoch_at))
+            snapshot = msgspec.structs.replace(snapshot, epoch=int(count >= epoch_at))
             window = around(snapshot.update.ego.odom_from_base, CELL, 256)
             place = Rectangle(window.row - MARGIN, window.column - MARGIN, 256 + 2 * MARGIN, 256 + 2 * MARGIN)
             messages = {told.topic.name: told for told in announcer.map(snapshot)}

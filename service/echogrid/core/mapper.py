@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,8 +36,7 @@ BACK_NS = 1_000_000_000  # frames of several buses come out of order by less
 Infer = Callable[[Surroundings], Image]  # what one update says about the cells around the car, as the map's `integrate` takes it
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Judged:
+class Judged(msgspec.Struct, frozen=True, eq=False):
     """All detections of the trusted radars in one cycle that are near enough, in the order of the scans, and what the gate said of each:
     picked out of all (N,) where somebody asks."""
 
@@ -73,8 +72,7 @@ class Judged:
 NOTHING_JUDGED = Judged(np.zeros((0, 2)), np.zeros(0, np.int64), (), np.zeros(0, np.uint8))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MapUpdate:
+class MapUpdate(msgspec.Struct, frozen=True, eq=False):
     """One cycle: where the car was at the newest scan, and the static detections (N, 2) in base that went into the map."""
 
     ego: EgoState

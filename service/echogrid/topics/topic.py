@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+import msgspec
+
 NAMESPACE = "/echogrid"  # of the ROS topics, unless [ros] says another
 
 
@@ -44,8 +46,7 @@ ALIVE, REGION, TILE = "alive/fusion", "grid/fused/region", "grid/fused/tile"  # 
 TOPICS = (FULL, KEY, UPDATE, ODOMETRY, TRANSFORM, DETECTIONS, JUDGED, STATUS, DIAGNOSTICS, META, TRINARY)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Message:
+class Message(msgspec.Struct, frozen=True, eq=False):
     """One message of a topic, encoded once for all who take it."""
 
     topic: Topic

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from echogrid.core.evidence.history import Detections, Looks, Surroundings
 from echogrid.core.evidence.history_raster import CHANNELS, MOST_RAYS, HistoryRaster
@@ -149,7 +150,7 @@ def test_left_for_right_is_an_exact_mirror(seed: int) -> None:
         looks=replace(around.looks, place=around.looks.place * (1, -1, -1)),
         live=[OTHER_SIDE[name] for name in around.live],
     )
-    raster = HistoryRaster(spec, {name: replace(mount, max_range=21.0) for name, mount in MOUNTS.items()})
+    raster = HistoryRaster(spec, {name: dataclasses.replace(mount, max_range=21.0) for name, mount in MOUNTS.items()})
     for name, one, other in zip(CHANNELS, raster(around), raster(mirrored), strict=True):
         np.testing.assert_array_equal(one[::-1], other, err_msg=name)
         assert (one[::-1] != one).any()

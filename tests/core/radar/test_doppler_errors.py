@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec import structs
 from tests.support.driven import MOUNTS
 
 from echogrid.core.messages import RadarScan
@@ -25,7 +26,7 @@ def placed(name: str, rate_off: float = 0.0, ambiguity: float = 0.0, stamp_ns: i
     azimuth = np.linspace(-1.2, 1.2, 25)
     rate, _ = static_range_rate(azimuth, MOUNTS[name], EGO.speed, EGO.yaw_rate)
     scan = RadarScan(name, stamp_ns, stamp_ns, np.full(25, 9.0), azimuth, rate + rate_off, np.zeros(25), ambiguity)
-    return PlacedScan(scan, MOUNTS[name], EGO._replace(stamp_ns=stamp_ns))
+    return PlacedScan(scan, MOUNTS[name], structs.replace(EGO, stamp_ns=stamp_ns))
 
 
 def test_derivatives_equal_finite_differences() -> None:
@@ -51,7 +52,7 @@ def test_what_was_taken_off_wheels_and_gyro_is_put_back() -> None:
     errors.mean[rows_of(errors, "front_left")] = 0.01
     before = equations(one, errors, NOISE)
     errors.scale, errors.bias = 0.02, -0.03
-    corrected = PlacedScan(one.scan, one.mount, EGO._replace(speed=EGO.speed * 1.02, yaw_rate=EGO.yaw_rate + 0.03))
+    corrected = PlacedScan(one.scan, one.mount, structs.replace(EGO, speed=EGO.speed * 1.02, yaw_rate=EGO.yaw_rate + 0.03))
     for mine, its in zip(equations(corrected, errors, NOISE), before, strict=True):
         np.testing.assert_allclose(mine, its, rtol=1e-9, atol=1e-9)
 
@@ -106,7 +107,7 @@ def test_what_stands_is_within_the_sigmas_of_noise_and_doubt_together() -> None:
 @pytest.mark.parametrize(("count", "shared"), [(8, 1.0), (10, 1.0), (25, 2.5)])
 def test_weights_are_inverse_variances_which_grow_abeam(count: int, shared: float) -> None:
     """Straight ahead at 9 m/s: an error of azimuth changes the range rate by 9 m/s times the bearing's sine."""
-    errors, ego = ErrorFilter(tuple(MOUNTS)), EGO._replace(yaw_rate=0.0)
+    errors, ego = ErrorFilter(tuple(MOUNTS)), structs.replace(EGO, yaw_rate=0.0)
     errors.acceleration = SLIPPING  # which doubles a variance
     azimuth = np.linspace(-1.2, 1.2, count)
     rate, _ = static_range_rate(azimuth, MOUNTS["rear_left"], ego.speed, 0.0)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,8 +12,7 @@ from echogrid.core.messages import Floats
 Cells = NDArray[np.int64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Beams:
+class Beams(msgspec.Struct, frozen=True, eq=False):
     """Static detections of one update in odom, as far as the radars see."""
 
     points: Floats  # (N, 2) m
@@ -22,8 +20,7 @@ class Beams:
     radars: NDArray[np.uint16]  # (N,) the bit of that radar, 1 << i for the i-th one
 
 
-@dataclass(frozen=True, slots=True)
-class Window:
+class Window(msgspec.Struct, frozen=True):
     """A square of the map's cells; `row` and `column` of its first cell in the map."""
 
     row: int
@@ -36,8 +33,7 @@ class Window:
         return window_cells(points, self.row, self.column, self.size, self.cell)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Reach:
+class Reach(msgspec.Struct, frozen=True, eq=False):
     """How far beams go, which way, and where the reflections may lie, over +-2 sigma of azimuth."""
 
     distance: Floats  # (N,) m

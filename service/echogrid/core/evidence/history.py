@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,8 +17,7 @@ LENGTH = 15.0  # m of way, the paper's half patch
 MOST_UPDATES = 160  # on a turntable no way is made: there, so many map updates
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Detections:
+class Detections(msgspec.Struct, frozen=True, eq=False):
     """Static detections in one frame."""
 
     points: Floats  # (N, 2) m
@@ -37,8 +36,7 @@ class Detections:
         return Detections(self.points.take(some, axis=0), self.origins.take(some, axis=0), self.rcs.take(some), self.deviation.take(some))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Looks:
+class Looks(msgspec.Struct, frozen=True, eq=False):
     """From where radars looked, and how wide and far, in one frame: a row for each scan."""
 
     place: Floats  # (S, 3) x, y (m) and yaw (rad) of the sensors
@@ -61,8 +59,7 @@ class Looks:
         return Looks(place, self.half_fov, self.max_range)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Surroundings:
+class Surroundings(msgspec.Struct, frozen=True, eq=False):
     """All that one map update knows about the surroundings of the car, in base at the update's time."""
 
     now: Detections  # of the newest scans

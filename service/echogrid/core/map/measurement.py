@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,8 +29,7 @@ ARRIVED, GONE = 4.0, 10.0  # looks that count for an arrival, looks that are tak
 Numbers = NDArray[np.float32]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Change:
+class Change(msgspec.Struct, frozen=True, eq=False):
     """Of the map's cells that an update touched, (K,) each, tile by tile."""
 
     under: Sequence[TileKey]  # (T,) all tiles under the window, by rows

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence, Set
-from dataclasses import dataclass
 from typing import Protocol
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,8 +23,7 @@ OCCUPIED, FREE = 0.5, 0.1  # probabilities from which, and up to which, a cell i
 NEWEST_S = 2**32 - 1  # that seen_s can hold: the year 2106
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class View:
+class View(msgspec.Struct, frozen=True, eq=False):
     """Who had which cells in view in one update."""
 
     stamp_ns: int  # Unix time

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+import msgspec
 import numpy as np
 
 from echogrid.core.messages import Floats
@@ -27,8 +28,7 @@ SMOOTHED = 0.2  # s over which accelerations are taken
 Learns = Literal["driving", "standing", "never"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Certainty:
+class Certainty(msgspec.Struct, frozen=True, eq=False):
     """Covariances of the pose (3, 3), x, y (m) and yaw (rad) in odom, and of the motion (2, 2), speed (m/s) and yaw rate (rad/s)."""
 
     pose: Floats

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from typing import NamedTuple
+
+import msgspec
 
 from echogrid.core.messages import EgoMotion, Speed, YawRate
 from echogrid.core.motion.error_filter import ErrorFilter
@@ -14,7 +15,7 @@ NS = 1e-9
 STANDSTILL = 0.02  # m/s: below, the wheels stand still and the yaw rate is only bias and noise
 
 
-class EgoState(NamedTuple):
+class EgoState(msgspec.Struct, frozen=True):
     """Where the car is and how it moves at `stamp_ns`; the yaw rate is 0 while the wheels stand still."""
 
     stamp_ns: int

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import msgspec
 
 from echogrid.core.messages import RadarScan
 from echogrid.core.motion.odometry import EgoState
 from echogrid.core.radar.mount import Mount
 
 
-class PlacedScan(NamedTuple):
+class PlacedScan(msgspec.Struct, frozen=True, eq=False):
     """Detections at any distance, moving ones too."""
 
     scan: RadarScan

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,8 +20,7 @@ RANGE_NOISE, AZIMUTH_NOISE, EXTENT = 0.15, 0.025, 0.25  # m, rad, and m between 
 APART = 2.5  # m between two sightings of a thing, at most, beside what two sigmas of their azimuths make
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Turned:
+class Turned(msgspec.Struct, frozen=True, eq=False):
     """Integrals since the start over the time in which the car drove (…, 3): of 1 (s), of the gyro (rad) and of what was taken off it
     (rad); and of each times the place in odom, x + iy."""
 
@@ -29,8 +28,7 @@ class Turned:
     moments: Complex
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Look:
+class Look(msgspec.Struct, frozen=True, eq=False):
     """Standing things as radars saw them in a fifth of a second: places (N,) in odom, x + iy in m; from the radar, along odom's axes (N,);
     where the car was (N,), and how it had turned by then (N, 3); covariances (3, N), xx, xy and yy in m²; numbers of the radars (N,)."""
 
@@ -43,8 +41,7 @@ class Look:
     radars: NDArray[np.int64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Pairs:
+class Pairs(msgspec.Struct, frozen=True, eq=False):
     """The same thing, perhaps, seen twice by a radar (P,). `apart`: the newer place less the older one, had the gyro been taken as it is.
 
     Derivatives of it (P,) complex: `by_bias` per rad/s, `by_turn` by the share of the turns, `by_way` by the share of the way, `by_yaw` of
