@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from echogrid.core.evidence.raster import GridSpec
-from echogrid.core.health import Health, SensorHealth
+from echogrid.core.health import Health, PoseHealth, SensorHealth
 from echogrid.core.map.occupancy import OccupancyMap
 from echogrid.core.mapper import Mapper
-from echogrid.core.messages import RadarScan, Speed, YawRate
-from echogrid.core.motion.se2 import SE2
+from echogrid.core.messages import PoseFix, RadarScan, Speed, YawRate
+from echogrid.core.motion.map_frame import MapFrame
+from echogrid.core.motion.se2 import IDENTITY, SE2
 from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.static_gate import GateNoise
 
@@ -19,11 +20,16 @@ SPEC = GridSpec(32, 0.25)
 OLDEST = 200 * MS
 
 
-@pytest.fixture
-def mapper() -> Mapper:
+def made(frame: MapFrame | None = None) -> Mapper:
     mounts = {name: Mount(SE2(x, 0.0, 0.0), 1.0, 25.0) for name, x in (("front", 3.7), ("rear", -0.8))}
     health = Health(sensors={name: SensorHealth() for name in mounts})
-    return Mapper(mounts, lambda _: np.zeros((32, 32), np.float32), OccupancyMap(SPEC, 3.5), health, GateNoise(), 50 * MS, OLDEST)
+    occupancy = OccupancyMap(SPEC, 3.5)
+    return Mapper(mounts, lambda _: np.zeros((32, 32), np.float32), occupancy, health, GateNoise(), 50 * MS, OLDEST, frame=frame)
+
+
+@pytest.fixture
+def mapper() -> Mapper:
+    return made()
 
 
 def scan(sensor: str, stamp_ns: int, age_ns: int) -> RadarScan:
@@ -63,3 +69,26 @@ def test_what_moves_and_what_is_among_movers_is_not_mapped(mapper: Mapper) -> No
     assert update is not None
     assert mapper.health.static_detections == 1
     np.testing.assert_allclose(update.static_points, [(9.7, 0.0)], atol=1e-9)  # in base: the radar is 3.7 m ahead
+
+
+def test_a_clock_that_is_set_back_begins_a_map_that_no_pose_has_placed_yet() -> None:
+    """From the first nanosecond before the time until which frames may come out of order."""
+    mapper = made(MapFrame(IDENTITY, PoseHealth()))
+    for n in range(1, 12):
+        mapper.on_motion(Speed(1000 * MS + n * 10 * MS, 5.0))
+        mapper.on_motion(YawRate(1000 * MS + n * 10 * MS, 0.0))
+    mapper.on_pose(PoseFix(1050 * MS, 12.0, -3.0, 1050 * MS, 0.5))
+    mapper.on_scan(RadarScan("front", 1100 * MS, 1100 * MS, np.array([6.0]), np.zeros(1), np.array([-5.0]), np.zeros(1)))
+    update = mapper.end_cycle()
+    assert update is not None
+    assert update.map_from_odom is not None
+    assert update.map_from_odom.yaw == pytest.approx(0.5)
+    assert mapper.epoch == 0
+    mapper.on_scan(scan("front", 1110 * MS, 0))
+    earliest_ns, _ = mapper.span()
+    assert mapper.update(earliest_ns) is None
+    assert mapper.epoch == 0
+    mapper.update(earliest_ns - 1)
+    assert mapper.epoch == 1
+    assert mapper.frame is not None
+    assert mapper.frame.map_from_odom is None

@@ -61,3 +61,11 @@ def test_the_evidence_for_occupied_does_not_grow_with_distance() -> None:
     for distance in (3.0, 8.0, 14.0):
         log_odds = model(rasterize(np.array([[distance, 0.1]]), SPEC))
         assert abs(log_odds[log_odds > 0].sum() - model.beam.occupied) < 0.35  # less where a ray passes an end cell
+
+
+def test_a_patch_begins_with_its_first_cell_and_ends_before_its_far_edges() -> None:
+    """Of 8 x 8 cells of half a metre: what is left of it, or ahead, is not drawn on its other side."""
+    spec = GridSpec(8, 0.5)
+    assert spec.locate(np.array([(-2.0, -2.0), (1.99, -2.0), (-2.0, 1.99), (1.99, 1.99)])).tolist() == [0, 7, 56, 63]
+    assert spec.locate(np.array([(2.0, 0.0), (0.0, 2.0), (-2.01, 0.0), (0.0, -2.01)])).tolist() == [-1] * 4
+    assert np.argwhere(rasterize(np.array([(-2.0, -2.0), (2.0, -2.0), (-2.0, 2.0)]), spec) > 0).tolist() == [[0, 0, 0]]

@@ -176,7 +176,7 @@ def add_measured(random: Random, size: int) -> list[Any]:
     cells = np.concatenate([random.permutation(SIDE * SIDE)[:some] for some in np.diff(begins)]).astype(np.int32)
     flags, who = random.random((2, size)) < 0.2, random.integers(0, 4, size).astype(np.uint16)
     more, tiles = np.abs(single(random, 3, size)), (tile_layers(random, count), *tile_views(random, count))
-    return [begins, cells, *more, *flags, who, 1_700_000_000, 10.0, 60.0, *tiles]
+    return [begins, cells, *more, *flags, who, 1_700_000_000, 10.0, float(random.choice([1.2, 60.0])), *tiles]
 
 
 def usual(random: Random, size: int) -> list[Any]:

@@ -119,6 +119,15 @@ def test_within_a_look_a_cell_counts_once() -> None:
             assert hits.sum() == pytest.approx(hits[4])
 
 
+def test_a_look_is_four_updates_and_no_fifth() -> None:
+    """The fourth alone sees one post, a fifth another: the first counts one look, the other not yet."""
+    occupancy = LookMap(SPEC, LEARNED)
+    for update, places in enumerate(((), (), (), ((1.12, 0.12),), ((1.12, 1.12),))):
+        assert occupancy.takes(IDENTITY) == (update < UPDATES)
+        occupancy.measure(beams(*places), IDENTITY, view(0.05 * update))
+    assert occupancy.window_of_layers(0, 4, 5, 1)[2, :, 0].tolist() == [1.0, 0.0, 0.0, 0.0, 0.0]
+
+
 def test_what_was_measured_long_ago_fades() -> None:
     """A post that is driven past and taken away: sixty looks that passed its place outweigh any number before."""
     occupancy = LookMap(SPEC, LEARNED)

@@ -99,3 +99,25 @@ def test_it_does_not_matter_how_the_layers_lie_in_memory() -> None:
     assert np.array_equal(read_out(layers.transpose(0, 2, 1)), expected.T)
     assert np.array_equal(read_out(np.asfortranarray(layers)), expected)
     assert np.array_equal(read_out(layers[:, ::2, ::-1]), expected[::2, ::-1])
+
+
+def test_log_odds_are_by_the_document_s_formula() -> None:
+    """In doubles; with its numbers, but for p = 0.1 and 0.106, which it rounds."""
+    rng, count = np.random.default_rng(7), 3001
+    layers = (rng.uniform(0, 6, (5, count)) * (rng.uniform(size=(5, count)) < 0.7)).astype(np.float32)
+    layers[0] = (rng.normal(-3, 4, count) * layers[1]).astype(np.float32)
+    layers[2, 1000:], layers[4] = 0, 5 * layers[4]
+    total, weight, hits, near, passes = layers[:, layers.any(axis=0)].astype(float)
+    z = np.where(weight > 0, 1.3 * total / np.maximum(weight, 1e-6) - 0.4, 0.0)
+    free = np.log(0.4 * passes**1.25 + 2.8)
+    prior = np.clip(0.372 * z, -2.8, 1.7) - free
+    inside, beside = prior + np.log(21 * hits + 2.8), prior + np.log(2.2 * near + 2.8)
+    beside = np.where(beside > SURELY_FREE, SURELY_FREE + 0.38 * (beside - SURELY_FREE), beside)
+    alone = np.where(z == 0, -np.inf, np.minimum(4 * z + 2, 3.3) - free)
+    everything = 0.5 * np.log(np.exp(2 * inside) + np.exp(2 * beside) + np.exp(2 * alone))
+    least = np.log(0.106 / 0.894)
+    expected = np.where(everything < SURELY_FREE, SURELY_FREE + 4.2 * (everything - SURELY_FREE), 0.72 * everything)
+    between = (everything >= SURELY_FREE) & (everything < 0)
+    expected[between] = least * (1 - (1 - everything[between] / SURELY_FREE) ** 3)
+    assert min((everything < SURELY_FREE).sum(), between.sum(), (everything > 0).sum()) > 200
+    np.testing.assert_allclose(read_out(layers, 1.3, -0.4)[layers.any(axis=0)], expected, atol=2e-4)

@@ -216,3 +216,17 @@ def test_what_geometry_measured_is_told_from_what_is_learned_only() -> None:
 def test_how_many_tiles_a_row_of_cells_touches(cells: int) -> None:
     assert most_tiles_along(cells) == max((first + cells - 1) // SIDE - first // SIDE + 1 for first in range(-SIDE, SIDE))
     assert tile_bytes(4) == sum(array.nbytes for array in (Tile.empty(4).layers, Tile.empty(4).seen_s, Tile.empty(4).radars))
+
+
+def test_the_whole_is_what_is_known_to_the_cell() -> None:
+    """Two cells, one on each side of the origin; of an empty map nothing, from the origin on."""
+    occupancy = OccupancyMap(SPEC)
+    assert occupancy.whole()[:2] == (0, 0)
+    answer = np.zeros((32, 32), np.float32)
+    answer[5, 25], answer[20, 9] = 1.0, -2.0
+    occupancy.integrate(answer, IDENTITY)
+    row, column, log_odds = occupancy.whole()
+    expected = np.zeros((16, 17))
+    expected[0, 16], expected[15, 0] = 1.0, -2.0
+    assert (row, column) == (5 - 16, 9 - 16)
+    np.testing.assert_array_equal(log_odds, expected)

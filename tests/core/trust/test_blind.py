@@ -47,8 +47,8 @@ def drive(posts: np.ndarray, chance: float, blocked: tuple[str, int] | None = No
     watch, rng = Watch(MOUNTS, {name: SensorHealth() for name in MOUNTS}, NOISE), np.random.default_rng(1)
     found: dict[str, list[int]] = {name: [] for name in MOUNTS}
     for n in range(1, scans):
-        silent = "" if blocked is None or n < blocked[1] else blocked[0]
-        cycle = [scan(name, n, posts, 0.0 if name == silent else chance, rng) for name in MOUNTS]
+        silent = () if blocked is None or n < blocked[1] else blocked[0].split()
+        cycle = [scan(name, n, posts, 0.0 if name in silent else chance, rng) for name in MOUNTS]
         for one in cycle:
             hear(watch, one)
         watch.judge(Sweep.of(cycle, NOISE))
@@ -76,6 +76,11 @@ def test_a_radar_that_sees_nothing_where_others_see_something_is_called_blocked_
     found = drive(street(), 0.5, (name, 150))
     assert 150 < found[name][0] < 150 + 3e9 / STEP_NS
     assert not any(found[other] for other in MOUNTS if other != name)
+
+
+def test_where_most_see_nothing_none_is_called_blocked() -> None:
+    """A tunnel's end, or a field on both sides: no radar sees what it usually does but one."""
+    assert not any(drive(street(), 0.5, ("fl fr rr", 100), scans=200).values())
 
 
 def test_a_radar_that_sees_again_is_believed_again() -> None:

@@ -129,6 +129,21 @@ def test_the_state_is_ok_with_all_radars_and_degraded_without_one_of_them() -> N
     assert watch.state(at_ns) == State("degraded", ("radar rear: silent for 0.8 s",))
 
 
+def test_a_map_is_stale_when_nothing_came_for_half_a_second_or_no_update_for_one() -> None:
+    """Also where nothing was heard since it began."""
+    watch = Watch({"front": AHEAD}, {"front": SensorHealth()}, GateNoise())
+    assert watch.state(0).reasons[:2] == ("no map yet", "wheel speed: nothing so far")
+    watch.mapped_ns = 1000 * MS
+    assert watch.state(1700 * MS) == State("stale", ("nothing received for 0.7 s",))
+    for at_ms in (1000, 1400, 1800, 2200):
+        for motion in (Speed(at_ms * MS, 5.0), YawRate(at_ms * MS, 0.0)):
+            watch.motion.judge(motion)
+        watch.radars["front"].health.complete += 1
+        watch.radars["front"].hear(scan(at_ms * MS))
+    assert watch.state(2200 * MS).reasons[0] == "no map update for 1.2 s"
+    assert watch.state(2800 * MS) == State("stale", ("nothing received for 0.6 s",))
+
+
 def traffic(at_ns: int, rng: np.random.Generator, wide: float) -> RadarScan:
     """Mostly vehicles that drive as fast as the car, and a few things that stand, to be seen ahead within +-`wide` rad."""
     azimuth, moving = rng.uniform(-wide, wide, 16), np.arange(16) < 13

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 
+import pytest
+
 from echogrid.core.messages import Speed, YawRate
 from echogrid.core.radar.doppler_motion import DopplerMotion
-from echogrid.core.trust.motion_watch import NOTED_NS, MotionWatch, Verdict
+from echogrid.core.trust.motion_watch import FASTEST, NOTED_NS, TURNING, MotionWatch, Verdict
 
 STEP_NS = 50_000_000
 
@@ -71,3 +73,41 @@ def test_an_implausible_sample_is_noted_for_a_second() -> None:
     assert watch.judge(Speed(3 * STEP_NS, 60.0)) is Verdict.IMPLAUSIBLE
     assert watch.noted(3 * STEP_NS + NOTED_NS) == ["wheel speed: jumps to 60.0 m/s"]
     assert watch.noted(3 * STEP_NS + NOTED_NS + 1) == []
+
+
+def test_five_samples_in_a_row_that_are_not_newer_are_a_clock_set_back() -> None:
+    watch = MotionWatch()
+    times = (1.0, 0.9, 0.95, 0.9, 0.8, 1.01, 0.5, 0.51, 0.52, 0.53, 0.54)
+    verdicts = [watch.judge(Speed(round(seconds * 1e9), 5.0)) for seconds in times]
+    assert verdicts == [Verdict.GOOD, *[Verdict.OLD] * 4, Verdict.GOOD, *[Verdict.OLD] * 4, Verdict.BACK]
+
+
+def test_the_greatest_plausible_values_are_plausible() -> None:
+    for value, verdict in ((FASTEST, Verdict.GOOD), (-FASTEST - 0.01, Verdict.IMPLAUSIBLE)):
+        assert MotionWatch().judge(Speed(STEP_NS, value)) is verdict
+    for value, verdict in ((-TURNING, Verdict.GOOD), (TURNING + 0.01, Verdict.IMPLAUSIBLE)):
+        assert MotionWatch().judge(YawRate(STEP_NS, value)) is verdict
+
+
+@pytest.mark.parametrize(
+    ("wheels", "gyro", "seen", "differ"),
+    [
+        (10.0, 0.0, None, False),
+        (10.0, 0.0, DopplerMotion(15.0, 0.0, 0.4), False),  # few support it
+        (10.0, 0.0, DopplerMotion(15.0, 0.0, 0.9, 0.05), False),  # all ahead
+        (10.0, 0.0, DopplerMotion(15.0, 0.0, 0.6), False),  # by five times as much as is too much, and half as many again do not say so
+        (10.0, 0.0, DopplerMotion(15.0, 0.0, 0.9), True),
+        (10.0, 0.0, DopplerMotion(10.9, 0.0, 0.9), False),  # 0.5 m/s and 5 % are too much
+        (10.0, 0.0, DopplerMotion(8.9, 0.0, 0.9), True),
+        (10.0, 0.1, DopplerMotion(10.0, 0.29, 0.9), False),  # 0.2 rad/s is
+        (10.0, 0.1, DopplerMotion(10.0, -0.11, 0.9), True),
+        (0.0, 0.0, DopplerMotion(0.1, 0.0, 0.9), False),  # both stand
+        (0.0, 0.0, DopplerMotion(1.1, 0.0, 0.9), False),  # wheels may read 0 up to 1.2 m/s
+        (0.0, 0.0, DopplerMotion(1.3, 0.0, 0.9), True),
+    ],
+)
+def test_a_comparison_tells_whether_the_two_differ_too_much_now(
+    wheels: float, gyro: float, seen: DopplerMotion | None, differ: bool
+) -> None:
+    """Of 0.5 of the detections that fit the wheels."""
+    assert MotionWatch().compare(STEP_NS, wheels, gyro, 0.5, seen) is differ

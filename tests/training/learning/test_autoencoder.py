@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 import torch
 from torch import nn
 
-from echogrid_training.learning.autoencoder import PaperAutoencoder, decayed, probe, weight_count
+from echogrid_training.learning.autoencoder import SLOPE, PaperAutoencoder, decayed, probe, weight_count
 
 
 @pytest.mark.parametrize("width", [4, 8])
@@ -51,3 +53,13 @@ def test_a_detection_near_the_car_reaches_the_whole_image() -> None:
     assert changed[-1].any()
     assert changed[:, 0].any()
     assert changed[:, -1].any()
+
+
+def test_weights_begin_as_he_has_it_for_what_comes_in() -> None:
+    """Sixteen, or nine, of each channel that comes in: their variance times that number is 2 / (1 + slope^2)."""
+    torch.manual_seed(1)
+    for name, layer in PaperAutoencoder(8).named_modules():
+        if isinstance(layer, nn.Conv2d | nn.ConvTranspose2d):
+            comes_in = layer.in_channels * layer.kernel_size[0] ** 2
+            spread = layer.weight.std().item() ** 2 * comes_in
+            assert spread == pytest.approx(2 / (1 + SLOPE**2), rel=6 / math.sqrt(layer.weight.numel())), name

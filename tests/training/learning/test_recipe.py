@@ -11,7 +11,7 @@ import torch
 from echogrid_training.learning.autoencoder import PaperAutoencoder
 from echogrid_training.learning.dataset import Samples, of_lidar
 from echogrid_training.learning.judging import held_out_loss
-from echogrid_training.learning.recipe import Default, Paper, Recipe, shares
+from echogrid_training.learning.recipe import IGNORED, Default, Paper, Recipe, shares
 from echogrid_training.learning.unet import CLASS_WEIGHTS, UNet
 
 SHARES = (0.6, 0.37, 0.03)
@@ -78,11 +78,11 @@ def test_the_papers_answer_is_one_number_in_two_scales() -> None:
 
 
 def test_the_defaults_loss_is_the_weighted_cross_entropy_cell_by_cell() -> None:
-    """Classes are numbered from 0: free, unknown, occupied."""
+    """Classes are numbered from 0: free, unknown, occupied; cells that nobody judged do not count."""
     rng = np.random.default_rng(2)
-    output, label = rng.normal(size=(2, 3, 4, 5)), rng.integers(-1, 2, (2, 4, 5))
+    output, label = rng.normal(size=(2, 3, 4, 5)), rng.choice([-1, 0, 1, IGNORED], (2, 4, 5))
     total = weights = 0.0
-    for n, i, j in np.ndindex(2, 4, 5):
+    for n, i, j in np.argwhere(label != IGNORED):
         z, y = output[n, :, i, j], label[n, i, j] + 1
         total += CLASS_WEIGHTS[y] * (math.log(sum(math.exp(one) for one in z)) - z[y])
         weights += CLASS_WEIGHTS[y]
