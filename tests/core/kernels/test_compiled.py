@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.support.shortened import taken_shorter
 
 from echogrid.core.kernels import dispatch, reference
 from echogrid.core.kernels.answers import exponential
@@ -173,7 +174,8 @@ def look(random: Random, size: int) -> list[Any]:
 def add_measured(random: Random, size: int) -> list[Any]:
     count = size % 3 + 1
     begins = np.sort(np.append(random.integers(0, size + 1, count - 1), (0, size)))
-    cells = np.concatenate([random.permutation(SIDE * SIDE)[:some] for some in np.diff(begins)]).astype(np.int32)
+    near = np.append(np.arange(60), SIDE * SIDE - 1 - np.arange(60))  # the tile's first cell and its last
+    cells = np.concatenate([random.permutation(near)[:some] for some in np.diff(begins)]).astype(np.int32)
     flags, who = random.random((2, size)) < 0.2, random.integers(0, 4, size).astype(np.uint16)
     more, tiles = np.abs(single(random, 3, size)), (tile_layers(random, count), *tile_views(random, count))
     return [begins, cells, *more, *flags, who, 1_700_000_000, 10.0, float(random.choice([1.2, 60.0])), *tiles]
@@ -407,7 +409,8 @@ def test_every_loop_is_compared() -> None:
         ("deviations", 3, np.array([6, -1])),
         ("draw_now", 6, np.zeros((3, 16, 8), np.uint8)),
         ("add_measured", 1, np.full(5, SIDE * SIDE, np.int32)),
-        ("add_measured", 0, np.array([0, 2, 1, 5])),
+        ("add_measured", 1, np.full(5, -1, np.int32)),
+        *(("add_measured", 0, np.array(begins)) for begins in ([0, 2, 1, 5], [-1, 0, 2, 5], [0, 1, 2, 6])),
         ("add_measured", 11, [np.zeros((4, SIDE, SIDE), np.float32)] * 3),
         ("add_looks", 13, np.zeros((2, 3), np.int64)),
         ("add_looks", 14, [np.zeros((1, SIDE, SIDE), np.float32)] * 9),
@@ -424,6 +427,34 @@ def test_arrays_that_do_not_fit_are_refused(name: str, place: int, wrong: np.nda
         getattr(compiled, name)(*arguments)
     with pytest.raises(TypeError):
         getattr(compiled, name)(*arguments[:-1])
+
+
+# Row and column in the tile, height and width, row and column in the rectangle, which has 17 rows of 20.
+IN_THE_CORNER = (SIDE - 17, SIDE - 20, 17, 20, 0, 0)
+BEYOND = [(SIDE - 16, 0, 17, 20, 0, 0), (0, SIDE - 19, 17, 20, 0, 0), (0, 0, 17, 20, 1, 0), (0, 0, 17, 20, 0, 1)]
+BEFORE = [tuple(-1 if at == place else one for at, one in enumerate((9, 9, 8, 8, 3, 3))) for place in range(6)]
+
+
+@pytest.mark.parametrize(("name", "place"), [("note_views", 7), ("add_looks", 8)])
+def test_a_piece_beyond_its_tile_or_the_rectangle_is_refused(name: str, place: int) -> None:
+    """Also as the last of two."""
+    arguments = CASES[name](np.random.default_rng(3), 10)
+    for piece in (IN_THE_CORNER, *BEYOND, *BEFORE):
+        arguments[place] = np.array((IN_THE_CORNER, piece))
+        if piece is IN_THE_CORNER:
+            getattr(compiled, name)(*arguments)
+        else:
+            with pytest.raises(ValueError, match="belong together"):
+                getattr(compiled, name)(*arguments)
+
+
+# Whose number is free: scans; columns that no piece has, layers that others fill; cells, steps, neighbours; bytes that no signal has.
+MAY_BE_SHORTER = {"draw_looks": {(0, 0)}, "add_looks": {(3, 0), (9, 0)}, "usual": {(0, 0), (1, 0), (2, 0)}, "signals": {(0, 1)}}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_an_array_that_is_one_shorter_than_the_others_say_is_refused(name: str) -> None:
+    assert taken_shorter(getattr(compiled, name), CASES[name](np.random.default_rng(3), 11)) == MAY_BE_SHORTER.get(name, set())
 
 
 @pytest.mark.parametrize("wanted", ["", "numpy"])

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.support.shortened import taken_shorter
 
 from echogrid.core.kernels import reference
 from echogrid.core.kernels.assembly import Rule, State, integer
@@ -153,29 +155,35 @@ def test_room_for_the_next_frame_is_counted(
 def identifying(random: Random, size: int) -> list[Any]:
     """Frames of two buses: of radars with and without a checksum of their own, of motion, and nobody's."""
     plans = Plans()
-    wheels, yaw = plans.add(plan(random, 2, 1, 5)), plans.add(plan(random, 1, 1, 4))
+    both = (plan(random, 2, 1, 5), plan(random, 1, 1, 4))
+    if random.random() < 0.5:
+        wheels, yaw = map(plans.add, both)
+    else:
+        yaw, wheels = map(plans.add, both[::-1])
     keys = np.sort(
         random.choice([bus << 33 | extended << 32 | code for bus in (0, 1) for extended in (0, 1) for code in range(5)], 7, replace=False)
     )
     none = [0, 1, 0, 0, 0]
-    known = np.array([(0, 1, 2, -1, 0)] * 3 + [(-1, 0, 0, -1, 0)] * 4)
+    known = np.array([(0, 1, 2, -1, 0)] * 3 + [(-1, 0, 0, -1, 0)] * 5)
     checks = np.array(
-        [(-1, 0, *none), (0, 6, 1, 1, 0, 8, 0), (6, 16, 3, -1, 0, 16, 0), (-1, 0, *none), (0, 6, 5, 1, 0, 8, 1), *[(-1, 0, *none)] * 2]
+        [(-1, 0, *none), (0, 6, 1, 1, 0, 8, 0), (6, 16, 3, -1, 0, 16, 0), (-1, 0, *none), (0, 6, 5, 1, 0, 8, 1), *[(-1, 0, *none)] * 3]
     )
-    says = np.array([[-1, -1, -1, *none, *none]] * 7)
+    says = np.array([[-1, -1, -1, *none, *none]] * 8)
     says[3], says[4] = (16, wheels, -1, 15, 1, 4, 4, 0, *none), (16, wheels, yaw, *none, 3, -1, 0, 12, 1)
     says[5] = (16, -1, yaw, 7, 1, 0, 8, 1, 7, 1, 0, 8, 0)
-    known, checks, says = (np.roll(one, 4, axis=0) for one in (known, checks, says))  # the first is no radar's
+    known, checks, says = (np.roll(one, 5, axis=0) for one in (known, checks, says))  # the first is no radar's
     tables = random.integers(0, 4, (22, 256)).astype(np.uint64)
     tables[random.random(tables.shape) < 0.1] |= np.uint64(1 << 40)
     sizes = random.choice([16, 16, 16, 5, 64], size).astype(np.uint8)
-    stamps = random.choice([0.0, 1.6e9, np.nan, np.inf, -5e9, -1.25, 4.59e9], size) + random.random(size)
+    stamps = random.choice([0.0, 1.6e9, np.nan, np.inf, -5e9, -1.25, 4.59e9, 4.6e9], size) + random.random(size).round(
+        random.integers(0, 9)
+    )
     flags = random.choice([0, 1, 8, 2, 4, 9], size).astype(np.uint8)
     data = random.integers(0, 4, 64 * size + 1).astype(np.uint8)
     batch = [stamps, random.integers(0, 6, size).astype(np.uint32), flags, sizes, np.arange(size, dtype=np.int64) * 64, data]
-    written = [np.zeros(size, np.int64), np.zeros(size, np.int64), np.zeros(size, np.uint8), np.zeros(size, np.bool_)]
-    readers = [random.integers(-1, 2, size), keys, random.permutation(7), known, checks, tables, says, *plans.arrays(), 1e9]
-    return [*batch, *readers, *written, np.zeros((size, 3)), np.zeros((size, 2), np.int64)]
+    written = [np.full(size, 9), np.full(size, 9), np.full(size, 9, np.uint8), np.ones(size, np.bool_)]
+    readers = [random.integers(-1, 2, size), keys, random.permutation(8)[:7], known, checks, tables, says, *plans.arrays(), 1e9]
+    return [*batch, *readers, *written, np.full((size, 3), 9.0), np.full((size, 2), 9)]
 
 
 @given(seed=st.integers(0, 1 << 32), size=st.integers(0, 80))
@@ -191,7 +199,7 @@ def test_frames_are_identified_as_in_numpy(seed: int, size: int) -> None:
 def receiving(random: Random, size: int) -> list[Any]:
     """Frames as Linux has them, classic and FD, with any bits."""
     rows = random.integers(0, 256, (size, 72)).astype(np.uint8)
-    written = [np.zeros(size, np.uint32), *np.zeros((3, size), np.uint8)]
+    written = [np.full(size, 9, np.uint32), *np.full((3, size), 9, np.uint8)]
     return [rows, random.choice([16, 72], size).astype(np.uint8), random.random(size) < 0.3, *written]
 
 
@@ -252,6 +260,7 @@ def test_a_plan_at_the_edge_of_its_arrays_is_read_as_in_numpy(place: int, value:
             0,
         )
         arguments[6][:], arguments[8][0] = arguments[7][0] >> 33, 0
+        arguments[5][::64], arguments[5][8::64] = np.arange(10), 3  # odd and even ones of sound frames
     compiled.identify(*found)
     assert (found[17] == 0).all()
     if place == 8:  # so far from the payload numpy does not look
@@ -267,11 +276,24 @@ def test_a_plan_that_reads_or_writes_beyond_is_refused(place: int, value: int) -
         compiled.identify(*with_plan(place, value))
 
 
+def test_a_plan_of_the_yaw_rate_has_one_column() -> None:
+    """A second would be the next frame's speed, or what lies behind the last."""
+    for column, is_refused in ((0, False), (1, True)):
+        arguments = with_plan(21, column)
+        arguments[12][0, 1], arguments[12][0, 2] = -1, 0
+        arguments[13][25] = 0
+        if is_refused:
+            with pytest.raises(ValueError, match="belong together"):
+                compiled.identify(*arguments)
+        else:
+            compiled.identify(*arguments)
+
+
 @pytest.mark.parametrize(
     ("array", "place", "value"),
     [
-        *((4, 8, -1), (4, 8, 64 * 9 + 1), (8, 6, -1), (8, 6, 7)),  # where bytes begin; rows
-        *((10, (5, 0), 17), (10, (5, 1), -1), (10, (5, 3), 0), (10, (6, 0), 7)),  # checksums
+        *((4, 8, -1), (4, 8, 64 * 9 + 1), (8, 6, -1), (8, 6, 8)),  # where bytes begin; rows
+        *((10, (6, 0), 17), (10, (6, 1), -1), (10, (6, 3), 0), (10, (7, 0), 7)),  # checksums
         *((12, (0, 0), 15), (12, (0, 4), 0), (12, (0, 9), 0), (12, (0, 6), 65), (12, (0, 11), 65)),  # what motion frames say
     ],
 )
@@ -290,3 +312,17 @@ def test_plans_and_tables_that_reach_beyond_the_arrays_are_refused(case: str, pl
     arguments[place] = arguments[place][: len(arguments[place]) // 2]
     with pytest.raises(ValueError, match="belong together"):
         getattr(compiled, case)(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("name", "case", "free"),
+    [
+        ("identify", identifying, {(5, 0)}),  # bytes behind the last frame's
+        ("assemble", assembling, {(6, 0), (7, 0), (9, 1), (22, 0)}),  # the same, readers that no frame has, counts of a header, room
+        ("can_frames", receiving, set()),
+    ],
+)
+def test_an_array_that_is_one_shorter_than_the_others_say_is_refused(
+    name: str, case: Callable[[Random, int], list[Any]], free: set[tuple[int, int]]
+) -> None:
+    assert taken_shorter(getattr(compiled, name), case(np.random.default_rng(3), 11)) == free

@@ -247,8 +247,8 @@ KERNEL(deviations) {
 KERNEL(draw_now) {
     TAKE("d2d1d1xxB1B3!");
     Py_ssize_t size = LENGTH(0, 0), side = LENGTH(4, 1), cells = side * side;
-    if (!sized(&given, LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(3, 0) == 256 && LENGTH(4, 0) == 3 && LENGTH(4, 2) == side &&
-                           ARRAY(4)->strides[1] == side && ARRAY(4)->strides[0] == cells))
+    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(3, 0) == 256 && LENGTH(4, 0) == 3 &&
+                           LENGTH(4, 2) == side && ARRAY(4)->strides[1] == side && ARRAY(4)->strides[0] == cells))
         return NULL;
     const double *rcs = ARRAY(1)->buf, *deviation = ARRAY(2)->buf;
     const uint8_t *table = ARRAY(3)->buf;
@@ -282,8 +282,8 @@ static inline void one_more(uint8_t *count, int counts) { *count += counts & (*c
 KERNEL(draw_past) {
     TAKE("d2d1l1d1xxxxxB1B3!");
     Py_ssize_t size = LENGTH(0, 0), side = LENGTH(5, 1), cells = side * side;
-    if (!sized(&given, LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(3, 0) == size && LENGTH(4, 0) == 256 && LENGTH(5, 0) == 6 &&
-                           LENGTH(5, 2) == side && ARRAY(5)->strides[1] == side && ARRAY(5)->strides[0] == cells))
+    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(3, 0) == size && LENGTH(4, 0) == 256 &&
+                           LENGTH(5, 0) == 6 && LENGTH(5, 2) == side && ARRAY(5)->strides[1] == side && ARRAY(5)->strides[0] == cells))
         return NULL;
     const double *age = ARRAY(1)->buf, *rcs = ARRAY(3)->buf;
     const int64_t *update = ARRAY(2)->buf;
