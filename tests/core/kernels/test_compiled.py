@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.support.shortened import taken_shorter
+from tests.support.loops import Fenced, taken_shorter
 
 from echogrid.core.kernels import dispatch, reference
 from echogrid.core.kernels.answers import exponential
@@ -233,6 +233,7 @@ def gathered(random: Random, size: int) -> list[Any]:
     of_each = np.asarray(sizes(random, size)).tolist()
     columns = [[random.normal(0, 9, count) for count in of_each] for _ in range(4)]
     mounts = random.uniform(-3, 9, (len(of_each), 2))
+    mounts[:, 1] = [one[0] if len(one) and random.random() < 0.5 else reach for one, reach in zip(columns[0], mounts[:, 1], strict=True)]
     return [*columns, mounts, np.ones((5, size)), np.ones(size, np.int64), np.ones(size, np.bool_)]
 
 
@@ -256,7 +257,7 @@ def possible(random: Random, size: int) -> list[Any]:
 
 def leanings(random: Random, size: int) -> list[Any]:
     bearing, spread = random.uniform(-3, 3, size), random.normal(0, 0.1, (7, 7))
-    rate, interval = random.normal(-7, 2, size), random.choice([0.0, 12.5])
+    rate, interval = random.normal(-7, 2, size), random.choice([0.0, 0.8, 12.5])
     motion = random.normal(3, 2, 9) * (random.random(9) < 0.9)
     noise = (0.13, 0.03, 0.1, 3.0, 6.0, float(random.choice([1.0, 10.0])), 1.3)
     written = [np.ones((size, 7)), np.ones(size), np.ones(size)]
@@ -341,8 +342,10 @@ READERS = {"candump_lines", "asc_lines", "trc_lines", "csv_lines", "blf_objects"
 @pytest.mark.parametrize("name", CASES)
 @given(seed=st.integers(0, 1 << 32), size=st.integers(0, 80))
 def test_the_same_bits_as_numpy(name: str, seed: int, size: int) -> None:
-    found, expected = (CASES[name](np.random.default_rng(seed), size) for _ in range(2))
+    fenced, expected = Fenced(CASES[name](np.random.default_rng(seed), size)), CASES[name](np.random.default_rng(seed), size)
+    found = fenced.arguments
     getattr(compiled, name)(*found)
+    assert fenced.is_whole
     with np.errstate(all="ignore"):  # some are given what is no number, or too large
         getattr(reference, name)(*expected)
     if name == "look":
@@ -418,6 +421,7 @@ def test_every_loop_is_compared() -> None:
         ("note_views", 13, np.zeros((1, SIDE, SIDE), np.uint16)),
         ("bilinear", 3, 30),
         ("look", 12, np.zeros(7, np.float32)),
+        *(("common_motion", place, np.full(12, number)) for place in (5, 6) for number in (-1, 5)),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(name: str, place: int, wrong: np.ndarray) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.support.shortened import taken_shorter
+from tests.support.loops import Fenced, taken_shorter
 
 from echogrid.core.kernels import reference
 from echogrid.core.kernels.assembly import Rule, State, integer
@@ -97,9 +97,11 @@ def stepped(arguments: list[Any]) -> bool:
 @settings(max_examples=40)
 @given(seed=st.integers(0, 1 << 32), size=st.integers(0, 90))
 def test_frames_become_scans_as_in_numpy(seed: int, size: int) -> None:
-    found, expected = (assembling(np.random.default_rng(seed), size) for _ in range(2))
+    fenced, expected = Fenced(assembling(np.random.default_rng(seed), size)), assembling(np.random.default_rng(seed), size)
+    found = fenced.arguments
     while stepped(expected) and stepped(found):
         compiled.assemble(*found)
+        assert fenced.is_whole
         with np.errstate(all="ignore"):
             reference.assemble(*expected)
         scans, detections, bytes_there = expected[EVENT][Event.SCANS : Event.LOST].tolist()
@@ -188,8 +190,10 @@ def identifying(random: Random, size: int) -> list[Any]:
 
 @given(seed=st.integers(0, 1 << 32), size=st.integers(0, 80))
 def test_frames_are_identified_as_in_numpy(seed: int, size: int) -> None:
-    found, expected = (identifying(np.random.default_rng(seed), size) for _ in range(2))
+    fenced, expected = Fenced(identifying(np.random.default_rng(seed), size)), identifying(np.random.default_rng(seed), size)
+    found = fenced.arguments
     compiled.identify(*found)
+    assert fenced.is_whole
     with np.errstate(all="ignore"):
         reference.identify(*expected)
     for one, other in zip(found, expected, strict=True):
@@ -206,8 +210,10 @@ def receiving(random: Random, size: int) -> list[Any]:
 @given(seed=st.integers(0, 1 << 32), size=st.integers(0, 40))
 def test_frames_of_a_socket_are_read_as_in_numpy(seed: int, size: int) -> None:
     """Which is held to what python-can makes of them by tests/can/test_socketcan.py."""
-    found, expected = (receiving(np.random.default_rng(seed), size) for _ in range(2))
+    fenced, expected = Fenced(receiving(np.random.default_rng(seed), size)), receiving(np.random.default_rng(seed), size)
+    found = fenced.arguments
     compiled.can_frames(*found)
+    assert fenced.is_whole
     reference.can_frames(*expected)
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_array_equal(one, other)

@@ -1,4 +1,4 @@
-"""Which arrays of a loop's arguments may be shorter than the others say."""
+"""What a compiled loop is given: arrays with something behind them, which is not for it, and arrays that are too short."""
 
 from __future__ import annotations
 
@@ -31,3 +31,24 @@ def _one_shorter(arguments: list[Any]) -> Iterator[tuple[int, int, list[Any]]]:
         for axis in range(np.ndim(first)):
             cut = first[(slice(None),) * axis + (slice(-1),)]
             yield place, axis, [*arguments[:place], [cut, *rest] if isinstance(one, list) else cut, *arguments[place + 1 :]]
+
+
+class Fenced:
+    """A loop's `arguments`, copied: behind each array lies what might belong to it, ones."""
+
+    def __init__(self, arguments: list[Any]) -> None:
+        self._behind: list[np.ndarray] = []
+        self.arguments = [[self._fenced(array) for array in one] if isinstance(one, list) else self._fenced(one) for one in arguments]
+
+    def _fenced(self, one: Any) -> Any:
+        if not isinstance(one, np.ndarray) or not one.flags.c_contiguous:  # a number, or part of another array
+            return one
+        whole = np.ones((len(one) + 2, *one.shape[1:]), one.dtype)
+        whole[: len(one)] = one
+        self._behind.append(whole[len(one) :])
+        return whole[: len(one)]
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether nothing was written behind an array."""
+        return all((behind == 1).all() for behind in self._behind)
