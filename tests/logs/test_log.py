@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import gzip
+import os
 import sqlite3
 import struct
+import threading
 import tracemalloc
 import zlib
 from contextlib import closing
@@ -51,6 +53,21 @@ def test_progress_grows(tmp_path: Path) -> None:
     assert seen[0] == 0
     assert 0.8 < seen[-1] < 1  # the last frames were read, but the map is not made of them yet
     assert log.progress == 1
+
+
+def test_a_log_that_is_not_read_in_the_end_leaves_no_file_open(tmp_path: Path) -> None:
+    """As where what is to be written is refused after it was named; what comes through a pipe comes once."""
+    path = write(tmp_path / "a.log", MESSAGES)
+    before = os.listdir("/proc/self/fd")  # noqa: PTH208
+    log = Log(path)
+    assert os.listdir("/proc/self/fd") == before  # noqa: PTH208
+    assert len(list(log)) == len(MESSAGES)
+    pipe = tmp_path / "pipe.log"
+    os.mkfifo(pipe)
+    writing = threading.Thread(target=lambda: pipe.write_bytes(path.read_bytes()))
+    writing.start()
+    assert len(list(Log(pipe))) == len(MESSAGES)
+    writing.join()
 
 
 def test_a_torn_log_gives_what_it_holds_and_then_one_sentence(tmp_path: Path) -> None:

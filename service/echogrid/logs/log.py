@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 import can
 
@@ -62,15 +64,15 @@ class Log:
             raise EchogridError(
                 f"{path}: is not a known log format, expected one of {' '.join(sorted(known))}, each also with {' or '.join(PACKED)}"
             )
-        try:
-            self._size = path.stat().st_size
-            self._raw = path.open("rb")
-        except OSError as error:
-            raise EchogridError(f"{path}: cannot be read: {error.strerror}{'' if path.exists() else meant(path)}") from error
+        self._size = 0
+        if not path.is_fifo():  # what comes through a pipe comes once
+            with self._opened() as file:
+                self._size = os.fstat(file.fileno()).st_size
+        self._ended = False
 
     @property
     def progress(self) -> float:
-        return 1.0 if self._raw.closed or not self._size else self._taken / self._size
+        return 1.0 if self._ended or not self._size else self._taken / self._size
 
     def __iter__(self) -> Iterator[can.Message]:
         """One by one."""
@@ -80,13 +82,13 @@ class Log:
     def batches(self) -> Iterator[FrameBatch]:
         """Many at once; none is empty."""
         try:
-            with self._raw:
-                for batch in self._batches():
+            with self._opened() as raw:
+                for batch in self._batches(raw):
                     self.times.add(batch.stamps)
                     self.messages += len(batch)
                     if len(batch):
                         yield batch
-                    self._taken = self._raw.tell()
+                    self._taken = raw.tell()
         except (EchogridError, GeneratorExit):
             raise
         except ImportError as error:
@@ -95,17 +97,25 @@ class Log:
         except Exception as error:  # libraries raise whatever garbage makes them stumble over
             what = str(error) if type(error) is ValueError else f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
             raise EchogridError(f"{self.path}: cannot be read beyond message {self.messages}: {what}") from error
+        finally:
+            self._ended = True
         faults = self.account.faults(self.messages)
         if not self.messages:
             faults.insert(0, "holds no CAN message")
         if faults:
             raise EchogridError(f"{self.path}: {'; '.join(faults)}")
 
-    def _batches(self) -> Iterator[FrameBatch]:
+    def _opened(self) -> BinaryIO:
+        try:
+            return self.path.open("rb")
+        except OSError as error:
+            raise EchogridError(f"{self.path}: cannot be read: {error.strerror}{'' if self.path.exists() else meant(self.path)}") from error
+
+    def _batches(self, raw: BinaryIO) -> Iterator[FrameBatch]:
         if self._suffix in BY_PATH:
-            yield from self._by_path()
+            yield from self._by_path(raw)
             return
-        stream = Stream(self._raw, self._packing, self.account)
+        stream = Stream(raw, self._packing, self.account)
         if self._suffix == ".mcap":
             from echogrid.logs.formats.mcap_log import McapLog  # an extra
 
@@ -114,13 +124,13 @@ class Log:
         found = OURS[self._suffix](stream, self.account)
         yield from settled(found, self.account) if self._suffix in HEADLESS else found
 
-    def _by_path(self) -> Iterator[FrameBatch]:
+    def _by_path(self, raw: BinaryIO) -> Iterator[FrameBatch]:
         if not self._packing:
             yield from BY_PATH[self._suffix](self.path, self.account)
             return
         with tempfile.TemporaryDirectory(prefix="echogrid-") as folder:
             path = Path(folder) / f"unpacked{self._suffix}"
-            stream = Stream(self._raw, self._packing, self.account)
+            stream = Stream(raw, self._packing, self.account)
             with path.open("wb") as file:
                 for chunk in stream.chunks():
                     if stream.length > min(MOST_UNPACKED, shutil.disk_usage(folder).free):
