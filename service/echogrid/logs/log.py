@@ -65,7 +65,7 @@ class Log:
                 f"{path}: is not a known log format, expected one of {' '.join(sorted(known))}, each also with {' or '.join(PACKED)}"
             )
         self._size = 0
-        if not path.is_fifo():  # what comes through a pipe comes once
+        if not path.is_fifo():  # through a pipe all comes once, and no one knows how much
             with self._opened() as file:
                 self._size = os.fstat(file.fileno()).st_size
         self._ended = False
@@ -88,7 +88,7 @@ class Log:
                     self.messages += len(batch)
                     if len(batch):
                         yield batch
-                    self._taken = raw.tell()
+                    self._taken = raw.tell() if self._size else 0
         except (EchogridError, GeneratorExit):
             raise
         except ImportError as error:
