@@ -17,6 +17,7 @@ from tests.support.playing import playing, published_drive
 from tests.support.waiting import until
 
 from echogrid.client import Client
+from echogrid.judging import page as judging_page
 from echogrid.logs.drive import find_drive
 from echogrid.maps.dense_map import write_npz
 from echogrid.viewing.doors import Door
@@ -24,6 +25,8 @@ from echogrid.viewing.live_feed import LiveFeed
 from echogrid.viewing.recorded import DriveFeed
 from echogrid.viewing.shows import LiveShow, MapShow, TapeShow
 from echogrid.viewing.stored import stored_scene
+from echogrid_training.own import page as own_page
+from echogrid_training.paper import reproduction_report
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 AXE = os.environ.get("ECHOGRID_AXE")  # axe.min.js of the npm package axe-core
@@ -280,3 +283,18 @@ def test_a_stored_map_can_be_told_by_its_age(page: Any, tmp_path: Path) -> None:
         white, black, _ = ink(page)
         assert (white > 1000, black) == (True, 0)
         picture(page, "stored")
+
+
+def test_no_report_scrolls_sideways(page: Any) -> None:
+    """Tables of many columns, and words that cannot be broken: a table is moved, not the page."""
+    page.set_viewport_size({"width": 1100, "height": 800})
+    wide = [f"column {number} of a table" for number in range(20)], [["f" * 64] * 20]
+    tables = {
+        own_page.STYLE + own_page.TABLE: own_page.table(*wide),
+        reproduction_report.STYLE: reproduction_report._rows(wide[1], wide[0]),
+        judging_page.STYLE: f'<div class="finding"><code>{"profile=long/" * 30}</code></div>',
+    }
+    for style, body in tables.items():
+        page.set_content(f"<!doctype html><style>{style}</style><body>{body}")
+        assert page.evaluate("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+        assert "table" not in body or page.evaluate("((it) => it.scrollWidth > it.clientWidth)(document.querySelector('table'))")

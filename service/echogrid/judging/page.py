@@ -26,6 +26,7 @@ body { max-width: 62rem; margin: 2rem auto; padding: 0 1rem }
 svg { width: 100%; height: auto; display: block; margin: .3rem 0 1.4rem }
 h1, h2 { line-height: 1.2 } h2 { margin-top: 2.2rem; font-size: 1.15rem }
 .finding { border-left: 4px solid var(--bad); padding: .2rem .8rem; margin: .8rem 0 } .none { color: var(--good) }
+code { overflow-wrap: anywhere }
 .rests { color: var(--faint); font-size: .9em } figcaption { font-weight: 600 } figure { margin: 0 }
 """
 

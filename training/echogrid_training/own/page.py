@@ -16,7 +16,7 @@ from echogrid_training.own.measure import ANALYTIC, OURS, DriveWorth
 from echogrid_training.own.worth import Live, Share, by_age, by_radar, by_range, diagram, live, points
 
 TABLE = """
-table { border-collapse: collapse; margin: .6rem 0 1.2rem }
+table { border-collapse: collapse; margin: .6rem 0 1.2rem; display: block; max-width: 100%; overflow-x: auto }
 td, th { padding: .25rem .7rem; text-align: right; border-bottom: 1px solid #8a929c55 }
 td:first-child, th:first-child { text-align: left } .big { font-size: 1.6rem; font-weight: 600 }
 """

@@ -26,7 +26,7 @@ STYLE = """
 body { max-width: 1120px; margin: 2em auto; padding: 0 1em; font: 16px/1.5 sans-serif; color: #282c34; background: #fff; }
 h1, h2 { line-height: 1.2; font-weight: 600; }
 h2 { margin-top: 2em; border-bottom: 1px solid #d7dbe1; }
-table { border-collapse: collapse; margin: 1em 0; }
+table { border-collapse: collapse; margin: 1em 0; display: block; max-width: 100%; overflow-x: auto; }
 th, td { padding: .25em .7em; border-bottom: 1px solid #d7dbe1; text-align: left; vertical-align: top; }
 th.number, td.number { text-align: right; font-variant-numeric: tabular-nums; }
 figure { margin: 1em 0; }
