@@ -27,10 +27,11 @@ from echogrid.core.radar.placed_scan import PlacedScan
 from echogrid.core.radar.seen_again import SeenAgain
 from echogrid.core.radar.static_gate import GateNoise, gated
 from echogrid.core.radar.sweep import Sweep
-from echogrid.core.trust.motion_watch import Verdict
+from echogrid.core.trust.motion_watch import BACK, GAP, GOOD, IMPLAUSIBLE, JUMP
 from echogrid.core.trust.watch import Watch
 
 EVER = -(2**63)  # ns, before all times
+NEW_MAP = (GAP, BACK, JUMP)  # verdicts
 BACK_NS = 1_000_000_000  # frames of several buses come out of order by less
 
 Infer = Callable[[Surroundings], Image]  # what one update says about the cells around the car, as the map's `integrate` takes it
@@ -129,12 +130,12 @@ class Mapper:
     def on_motion(self, motion: EgoMotion) -> None:
         """A sample that cannot be true is left out; one that does not continue those before begins a new map."""
         verdict = self.watch.motion.judge(motion)
-        if verdict in (Verdict.GAP, Verdict.BACK, Verdict.JUMP):
+        if verdict in NEW_MAP:
             self._start_new_map(f"ego motion: {verdict.value}")
             verdict = self.watch.motion.judge(motion)
-        if verdict is Verdict.GOOD:
+        if verdict is GOOD:
             self.odometry.add(motion)
-        elif verdict is Verdict.IMPLAUSIBLE:
+        elif verdict is IMPLAUSIBLE:
             self.health.motion_implausible += 1
         else:
             self.health.motion_dropped += 1
@@ -217,22 +218,22 @@ class Mapper:
         asked[0] = sweep.near
         np.less_equal(sweep.range, self.map.reach, out=asked[1])
         verdicts, (near, reached) = gated(found.points, sweep.sigmas, asked, self.noise)
-        static = found.taken(near)
+        there = found.moved(ego.odom_from_base)
         self.health.cycles += 1
-        self.health.static_detections += len(static)
+        self.health.static_detections += len(near)
         view = self._view(sweep.placed, ego.stamp_ns)
         takes = self.map.takes(ego.odom_from_base)
         if self.map.reach:
-            self.map.measure(self._beams(sweep, found, reached, ego), ego.odom_from_base, view)
+            self.map.measure(self._beams(sweep, there, reached), ego.odom_from_base, view)
         if takes:
-            self.history.add(static, looks, ego.odom_from_base, self.odometry.distance)
+            self.history.add(there.taken(near), looks.moved(ego.odom_from_base), self.odometry.distance)
             said = self.infer(self.history.surroundings(ego.odom_from_base, self._live(ego.stamp_ns)))
             self.map.integrate(said, ego.odom_from_base, view)
         self.health.tiles_forgotten = self.map.forgotten
         self.watch.mapped_ns = max([one.scan.received_ns for one in sweep.placed])
         map_from_odom = None if self.frame is None else self.frame.map_from_odom
         numbers = [self._numbers[one.scan.sensor] for one in sweep.placed]
-        return MapUpdate(ego, static.points, Judged(found.points, sweep.scan, numbers, verdicts), map_from_odom)
+        return MapUpdate(ego, found.points.take(near, axis=0), Judged(found.points, sweep.scan, numbers, verdicts), map_from_odom)
 
     def certainty(self, ego: EgoState) -> Certainty:
         """How well the car's motion is known at the newest pose."""
@@ -282,11 +283,10 @@ class Mapper:
             self.health.sensors[one.scan.sensor].distrusted += not is_trusted
         return sweep.only(trusted, self.noise) if any(trusted) else None
 
-    def _beams(self, sweep: Sweep, found: Detections, static: NDArray[np.int64], now: EgoState) -> Beams:
-        """The static detections as far as the map reaches, which may be farther than a network is shown."""
-        kept = found.taken(static).moved(now.odom_from_base)
+    def _beams(self, sweep: Sweep, there: Detections, static: NDArray[np.int64]) -> Beams:
+        """The static detections, in odom, as far as the map reaches, which may be farther than a network is shown."""
         bits = np.array([1 << self._numbers[one.scan.sensor] for one in sweep.placed], np.uint16)
-        return Beams(kept.points, kept.origins, bits.take(sweep.scan.take(static)))
+        return Beams(there.points.take(static, axis=0), there.origins.take(static, axis=0), bits.take(sweep.scan.take(static)))
 
     def _looks(self, placed: Sequence[PlacedScan], now: EgoState) -> Looks:
         """From where the scans were measured, in base at `now`."""

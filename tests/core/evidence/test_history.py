@@ -36,8 +36,8 @@ def test_what_stands_in_odom_is_the_same_wherever_it_was_seen_from(here: SE2, th
     seen = []
     for at in (here, there):
         history = History()
-        history.add(first.moved(at.inverse()), looks.moved(at.inverse()), at, 0.0)
-        history.add(second.moved(last.inverse()), looks.moved(last.inverse()), last, 1.0)
+        history.add(first.moved(at.inverse()).moved(at), looks.moved(at.inverse()).moved(at), 0.0)
+        history.add(second.moved(last.inverse()).moved(last), looks, 1.0)
         seen.append(history.surroundings(last, ()))
     for key in ("points", "origins", "rcs", "deviation"):
         np.testing.assert_allclose(getattr(seen[0].past, key), getattr(seen[1].past, key), atol=1e-9)
@@ -51,7 +51,8 @@ def test_a_straight_drive_by_hand() -> None:
     history = History()
     for k in range(5):
         looks = Looks.of([CORNER], [IDENTITY])
-        history.add(detections(np.array([(10.0 - k, 3.0)]), (3.7, 0.8)), looks, SE2(0.0, float(k), math.pi / 2), float(k))
+        there = SE2(0.0, float(k), math.pi / 2)
+        history.add(detections(np.array([(10.0 - k, 3.0)]), (3.7, 0.8)).moved(there), looks.moved(there), float(k))
     around = history.surroundings(SE2(0.0, 4.0, math.pi / 2), ["front_left"])
     np.testing.assert_allclose(around.past.points, [(6.0, 3.0)] * 5, atol=1e-12)
     np.testing.assert_allclose(around.past.origins, [(-0.3, 0.8), (0.7, 0.8), (1.7, 0.8), (2.7, 0.8), (3.7, 0.8)], atol=1e-12)
@@ -70,7 +71,7 @@ def test_each_detection_keeps_what_is_its_own() -> None:
     """Ages and updates go with the detections, however many an update has; none is no exception."""
     history = History()
     for k, count in enumerate((2, 0, 3)):
-        history.add(detections(np.full((count, 2), float(k))), NOWHERE, IDENTITY, 0.5 * k)
+        history.add(detections(np.full((count, 2), float(k))), NOWHERE, 0.5 * k)
     around = history.surroundings(IDENTITY, ())
     assert around.past.points[:, 0].tolist() == [0.0, 0.0, 2.0, 2.0, 2.0]
     assert around.past.rcs.tolist() == [-20.0, -19.0, -20.0, -19.0, -18.0]
@@ -86,7 +87,7 @@ def test_it_is_the_way_that_counts() -> None:
     for step, expected in ((0.125, 121), (4.0, 4)):
         history = History()
         for k in range(200):
-            history.add(one(0.0, 0.0), NOWHERE, IDENTITY, k * step)
+            history.add(one(0.0, 0.0), NOWHERE, k * step)
         around = history.surroundings(IDENTITY, ())
         assert len(around.past) == expected
         assert LENGTH - step < around.age.max() <= LENGTH
@@ -96,9 +97,9 @@ def test_time_and_place_make_nothing_old() -> None:
     """Reversing out of a dead end: way is made though the place is the same; standing, none is made."""
     history = History()
     for _ in range(100):
-        history.add(one(0.0, 0.0), NOWHERE, IDENTITY, 3.0)
+        history.add(one(0.0, 0.0), NOWHERE, 3.0)
     assert len(history.surroundings(IDENTITY, ()).past) == 100
-    history.add(one(0.0, 0.0), NOWHERE, IDENTITY, 3.0 + LENGTH + 0.1)
+    history.add(one(0.0, 0.0), NOWHERE, 3.0 + LENGTH + 0.1)
     assert len(history.surroundings(IDENTITY, ()).past) == 1
 
 
@@ -106,7 +107,7 @@ def test_on_a_turntable_memory_is_bounded() -> None:
     history = History()
     for k in range(3 * MOST_UPDATES):
         turned = SE2(0.0, 0.0, 0.1 * k)
-        history.add(one(5.0, 0.0), Looks.of([CORNER], [IDENTITY]), turned, 0.0)
+        history.add(one(5.0, 0.0).moved(turned), Looks.of([CORNER], [IDENTITY]).moved(turned), 0.0)
     around = history.surroundings(SE2(0.0, 0.0, 0.1 * (3 * MOST_UPDATES - 1)), ())
     assert len(around.past) == len(around.looks.place) == MOST_UPDATES == 160
     assert around.update.tolist() == list(range(2 * MOST_UPDATES, 3 * MOST_UPDATES))

@@ -279,8 +279,8 @@ def common_motion(random: Random, size: int) -> list[Any]:
     x, y, interval = np.repeat(places, sizes, axis=0).T
     rate = (y * np.cos(bearing) - x * np.sin(bearing)) * 0.2 - np.cos(bearing) * 7 + random.normal(0, 3, size) * (random.random(size) < 0.4)
     rate += interval * random.integers(-1, 2, size)
-    pairs = random.integers(0, max(size, 1), (2, 12 if size else 0))
-    return [np.cos(bearing), np.sin(bearing), rate, sizes, places, *pairs, 0.3, 0.4, np.ones(3), np.ones(size, np.bool_)]
+    near = random.random(size) < random.choice([0.0, 0.7, 1.0])
+    return [np.cos(bearing), np.sin(bearing), rate, near, sizes, places, random.random((2, 12)), 0.3, 0.4, np.ones(7)]
 
 
 def signals(random: Random, size: int) -> list[Any]:

@@ -80,11 +80,11 @@ class History:
         self._detections = _Rows((2,), (2,), (), (), (), ())  # as the fields of Detections, m travelled, number of the update
         self._looks = _Rows((3,), (), ())  # as those of Looks
 
-    def add(self, detections: Detections, looks: Looks, odom_from_base: SE2, distance: float) -> None:
-        """What the update at `distance` (m, travelled) saw, in base there."""
-        there, seen = detections.moved(odom_from_base), looks.moved(odom_from_base)
-        self._detections.add(len(there), there.points, there.origins, there.rcs, there.deviation, distance, self.updates)
-        self._looks.add(len(seen.place), seen.place, seen.half_fov, seen.max_range)
+    def add(self, detections: Detections, looks: Looks, distance: float) -> None:
+        """What the update at `distance` (m, travelled) saw, in odom."""
+        seen = (detections.points, detections.origins, detections.rcs, detections.deviation)
+        self._detections.add(len(detections), *seen, distance, self.updates)
+        self._looks.add(len(looks.place), looks.place, looks.half_fov, looks.max_range)
         self._entries.append((distance, len(detections), len(looks.place)))
         self.updates += 1
         while self._entries[0][0] < distance - self.length or len(self._entries) > MOST_UPDATES:

@@ -62,9 +62,8 @@ class HistoryRaster:
 
     def _passes(self, around: Surroundings, plane: Bytes) -> None:
         """Counted in blocks, all of a block's cells alike."""
-        newest = slice(-MOST_RAYS, None)  # ages fall
-        some = np.flatnonzero(around.age[newest] <= MIDDLE)
-        origins, points = around.past.origins[newest].take(some, axis=0), around.past.points[newest].take(some, axis=0)
+        first = len(around.age) - np.count_nonzero(around.age[-MOST_RAYS:] <= MIDDLE)  # ages fall
+        origins, points = around.past.origins[first:], around.past.points[first:]
         way = (points - origins).astype(np.float32)
         step, margin = RAY_STEP * self.spec.cell, RAY_MARGIN * self.spec.cell
         loops.draw_passes(origins.astype(np.float32), way, np.hypot(*way.T), self.spec.half, step, margin, RAY_STEP, COUNT, plane)

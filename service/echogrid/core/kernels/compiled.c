@@ -136,7 +136,8 @@ static PyObject *done(Given *given) {
 #define WIDE
 #endif
 
-enum { BLOCK = 64, LANES = 16 }; /* cells that are worked on together; points: what a loop takes in one step */
+/* Cells that are worked on together; points that a loop takes in one step; cells that are fetched before they are needed. */
+enum { BLOCK = 64, LANES = 16, AHEAD = 16 };
 
 #define ARRAY(n) (&given.array[n])
 #define ROW(type, n, i) ((type *)((char *)given.array[n].buf + (i) * given.array[n].strides[0]))
@@ -632,6 +633,7 @@ KERNEL(look) {
         while (points > 0 && !(step + (double)(points - 1) * step < limit)) points--;
         while (step + (double)points * step < limit) points++;
         along_beam(points, origin, direction, step, &window, way);
+        for (Py_ssize_t k = 0; k < points; k++) __builtin_prefetch(&numbers[way[k] < 0 ? 0 : way[k]], 1);
         for (Py_ssize_t k = 0; k < points; k++) {
             int32_t at = way[k];
             if (at < 0 || at == before) continue;
@@ -650,6 +652,7 @@ KERNEL(look) {
     for (Py_ssize_t t = 0; t < tall * wide; t++) begins[t + 1] += begins[t];
     for (Py_ssize_t n = 0; n < look.count; n++) {
         const Touched *found = &list[n];
+        if (n + AHEAD < look.count) __builtin_prefetch(&marks[list[n + AHEAD].at], 1);
         Py_ssize_t out = begins[found->tile]++;
         uint8_t *mark = &marks[found->at];
         numbers[found->at] = 0;

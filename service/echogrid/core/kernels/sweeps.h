@@ -202,47 +202,52 @@ static inline double left_of(double rate, const double *slope, double interval, 
 }
 
 KERNEL(common_motion) {
-    TAKE("d1d1d1l1d2l1l1xxd1!B1!");
-    Py_ssize_t size = LENGTH(0, 0), scans = LENGTH(3, 0), pairs = LENGTH(5, 0);
-    const int64_t *sizes = ARRAY(3)->buf, *one = ARRAY(5)->buf, *other = ARRAY(6)->buf;
-    int fits = LENGTH(1, 0) == size && LENGTH(2, 0) == size && sizes_fit(&given, 3, scans, size) && LENGTH(4, 0) == scans && LENGTH(4, 1) == 3 && LENGTH(6, 0) == pairs &&
-               LENGTH(7, 0) == 3 && LENGTH(8, 0) == size;
-    for (Py_ssize_t g = 0; fits && g < pairs; g++) fits = one[g] >= 0 && one[g] < size && other[g] >= 0 && other[g] < size;
+    TAKE("d1d1d1B1l1d2d2xxd1!");
+    Py_ssize_t size = LENGTH(0, 0), scans = LENGTH(4, 0), pairs = LENGTH(6, 1), kept = 0;
+    const double *cos = ARRAY(0)->buf, *sin = ARRAY(1)->buf, *all = ARRAY(2)->buf, *first = ROW(double, 6, 0), *second = ROW(double, 6, 1);
+    const uint8_t *near = ARRAY(3)->buf;
+    const int64_t *sizes = ARRAY(4)->buf;
+    int fits = LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(3, 0) == size && sizes_fit(&given, 4, scans, size) && LENGTH(5, 0) == scans && LENGTH(5, 1) == 3 &&
+               LENGTH(6, 0) == 2 && LENGTH(7, 0) == 7;
+    for (Py_ssize_t g = 0; fits && g < pairs; g++) fits = first[g] >= 0 && first[g] < 1 && second[g] >= 0 && second[g] < 1;
     if (!sized(&given, fits)) return NULL;
-    const double *cos = ARRAY(0)->buf, *sin = ARRAY(1)->buf, *rate = ARRAY(2)->buf;
-    double apart = given.number[0], tolerance = given.number[1], *out = ARRAY(7)->buf, *slope = malloc((3 * size + 1) * sizeof *slope);
-    uint8_t *explained = ARRAY(8)->buf;
+    double apart = given.number[0], tolerance = given.number[1], *out = ARRAY(7)->buf, *slope = malloc((4 * size + 1) * sizeof *slope);
     if (slope == NULL) {
         drop(&given);
         return PyErr_NoMemory();
     }
-    double *interval = slope + 2 * size;
+    double *interval = slope + 2 * size, *rate = slope + 3 * size;
     for (Py_ssize_t s = 0, n = 0; s < scans; s++) {
-        const double *place = ROW(double, 4, s);
-        for (int64_t k = 0; k < sizes[s]; k++, n++) {
-            slope[2 * n] = -cos[n];
-            slope[2 * n + 1] = place[1] * cos[n] - place[0] * sin[n];
-            interval[n] = place[2];
+        const double *place = ROW(double, 5, s);
+        for (Py_ssize_t end = n + sizes[s]; n < end; n++) {
+            if (!near[n]) continue;
+            slope[2 * kept] = -cos[n];
+            slope[2 * kept + 1] = place[1] * cos[n] - place[0] * sin[n];
+            interval[kept] = place[2];
+            rate[kept++] = all[n];
         }
     }
     int64_t most = -1;
     double speed = 0, yaw_rate = 0;
-    for (Py_ssize_t g = 0; g < pairs; g++) {
-        const double *ab = slope + 2 * one[g], *cd = slope + 2 * other[g], p = rate[one[g]], q = rate[other[g]];
+    for (Py_ssize_t g = 0; kept && g < pairs; g++) {
+        int64_t one = (int64_t)(first[g] * (double)kept), other = (int64_t)(second[g] * (double)kept);
+        const double *ab = slope + 2 * one, *cd = slope + 2 * other, p = rate[one], q = rate[other];
         double determinant = ab[0] * cd[1] - ab[1] * cd[0];
         if (!(fabs(determinant) > apart)) continue;
         double guess = (p * cd[1] - ab[1] * q) / determinant, turn = (ab[0] * q - p * cd[0]) / determinant;
-        int64_t count = 0;
-        for (Py_ssize_t n = 0; n < size; n++) count += fabs(left_of(rate[n], slope + 2 * n, interval[n], guess, turn)) < tolerance;
-        if (count > most) {
-            most = count;
+        int64_t explained = 0;
+        for (Py_ssize_t n = 0; n < kept; n++) explained += fabs(left_of(rate[n], slope + 2 * n, interval[n], guess, turn)) < tolerance;
+        if (explained > most) {
+            most = explained;
             speed = guess;
             yaw_rate = turn;
         }
     }
+    memset(out, 0, 7 * sizeof *out);
     out[2] = most >= 0;
+    out[3] = (double)kept;
     double xx = 0, xy = 0, yy = 0, xr = 0, yr = 0;
-    for (Py_ssize_t n = 0; most >= 0 && n < size; n++) {
+    for (Py_ssize_t n = 0; most >= 0 && n < kept; n++) {
         double x = slope[2 * n], y = slope[2 * n + 1], left = left_of(rate[n], slope + 2 * n, interval[n], speed, yaw_rate);
         if (!(fabs(left) < tolerance)) continue;
         xx += x * x;
@@ -252,14 +257,18 @@ KERNEL(common_motion) {
         yr += y * left;
     }
     if (most >= 0) {
-        speed += (xr * yy - xy * yr) / (xx * yy - xy * xy);
-        yaw_rate += (xx * yr - xr * xy) / (xx * yy - xy * xy);
+        out[0] = speed + (xr * yy - xy * yr) / (xx * yy - xy * xy);
+        out[1] = yaw_rate + (xx * yr - xr * xy) / (xx * yy - xy * xy);
     }
-    out[0] = speed;
-    out[1] = yaw_rate;
-    for (Py_ssize_t n = 0; n < size; n++)
-        explained[n] = most >= 0 && fabs(left_of(rate[n], slope + 2 * n, interval[n], speed, yaw_rate)) < tolerance;
+    for (Py_ssize_t n = 0, m = 0; most >= 0 && n < size; n++) {
+        if (!near[n]) continue;
+        int is_explained = fabs(left_of(rate[m], slope + 2 * m, interval[m], out[0], out[1])) < tolerance;
+        m++;
+        if (!is_explained) continue;
+        out[4]++;
+        out[5] += cos[n];
+        out[6] += sin[n];
+    }
     free(slope);
     return done(&given);
 }
-

@@ -142,23 +142,25 @@ def common_motion(
     cos: Floats,
     sin: Floats,
     rate: Floats,
+    near: Mask,
     sizes: Integers,
     places: Floats,
-    one: Integers,
-    other: Integers,
+    pairs: Floats,
     apart: float,
     tolerance: float,
     out: Floats,
-    explained: Mask,
 ) -> None:
-    """Of guesses from pairs of detections, `one` and `other` (P,), the motion that explains the most range rates (N,) to `tolerance` m/s,
-    refined by least squares over those: out (3,) is speed (m/s), yaw rate (rad/s) and whether any pair was `apart` enough, by its
-    determinant; `explained` (N,) by the refined one.
+    """Of guesses from pairs of the detections (N,) that are `near`, as shares (2, P) of their number, the motion that explains the most
+    range rates to `tolerance` m/s, refined by least squares over those.
+
+    Out (7,): speed (m/s), yaw rate (rad/s), whether any pair was `apart` enough, by its determinant, how many are near, how many of these
+    the refined one explains, and the sums of the cosines and sines of those.
 
     Detections by the cosine and sine (N,) of their bearing in base, scan by scan: `sizes` (S,) with places (S, 3), x and y of the sensor
     (m) and the Doppler ambiguity interval (m/s, 0: none), modulo which rates are compared. Sums go from the first detection to the last.
     """
-    x, y, interval = np.repeat(places, sizes, axis=0).T
+    x, y, interval = np.repeat(places, sizes, axis=0)[near].T
+    cos, sin, rate = cos[near], sin[near], rate[near]
     slope = np.stack((-cos, y * cos - x * sin), axis=1)  # (N, 2) derivatives of a standing point's range rate by speed and yaw rate
 
     def left_by(motion: Floats) -> Floats:
@@ -168,10 +170,12 @@ def common_motion(
         found: Floats = np.where(interval > 0, left - known * np.rint(left / known), left)
         return found
 
+    out[:] = 0.0
+    out[3] = len(rate)
+    one, other = (pairs * len(rate)).astype(np.int64) if len(rate) else np.zeros((2, 0), np.int64)
     (a, b), (c, d), p, q = slope[one].T, slope[other].T, rate[one], rate[other]
     determinant = a * d - b * c
     enough = np.abs(determinant) > apart
-    out[:], explained[:] = 0.0, False
     if not enough.any():
         return
     guesses = np.stack((p * d - b * q, a * q - p * c), axis=1)[enough] / determinant[enough, None]
@@ -181,5 +185,6 @@ def common_motion(
     (u, v), r = slope[chosen].T, left[chosen]
     uu, uv, vv, ur, vr = (np.add.accumulate(terms)[-1] for terms in (u * u, u * v, v * v, u * r, v * r))
     out[:2] = best + np.array((ur * vv - uv * vr, uu * vr - ur * uv)) / (uu * vv - uv * uv)
-    out[2] = 1.0
-    explained[:] = np.abs(left_by(out[:2])) < tolerance
+    explained = np.abs(left_by(out[:2])) < tolerance
+    out[2], out[4] = 1.0, np.count_nonzero(explained)
+    out[5:] = [np.add.accumulate(np.append(0.0, terms[explained]))[-1] for terms in (cos, sin)]

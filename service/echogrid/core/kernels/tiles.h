@@ -248,6 +248,14 @@ KERNEL(add_measured) {
         uint32_t *seen = TILE(uint32_t, 2, t);
         for (int64_t n = begins[t]; n < begins[t + 1]; n++) {
             int32_t at = cells[n];
+            if (n + AHEAD < begins[t + 1]) {
+                int32_t next = cells[n + AHEAD];
+                __builtin_prefetch(&hit[next], 1);
+                __builtin_prefetch(&beside[next], 1);
+                __builtin_prefetch(&passed[next], 1);
+                __builtin_prefetch(&radars[next], 1);
+                __builtin_prefetch(&seen[next], 1);
+            }
             if (who[n]) {
                 radars[at] |= who[n];
                 seen[at] = (uint32_t)given.number[0];

@@ -59,21 +59,21 @@ class Odometry:
 
         The two kinds may have different latencies: a sample older than the newest state only replaces its value.
         """
-        last = self.speed if isinstance(motion, Speed) else self.yaw_rate
-        if last is not None and motion.stamp_ns <= last.stamp_ns:
-            return False
+        speed, yaw_rate = self.speed, self.yaw_rate
         if isinstance(motion, Speed):
-            self.speed = motion
+            if speed is not None and motion.stamp_ns <= speed.stamp_ns:
+                return False
+            self.speed = speed = motion
         else:
-            self.yaw_rate = motion
-            standing = self.speed is not None and abs(self.speed.speed) < STANDSTILL
+            if yaw_rate is not None and motion.stamp_ns <= yaw_rate.stamp_ns:
+                return False
+            self.yaw_rate = yaw_rate = motion
+            standing = speed is not None and abs(speed.speed) < STANDSTILL
             stood = self.standstill.add(motion.stamp_ns, motion.yaw_rate, standing=standing)
             if stood is not None:
                 self.errors.stood(*stood)
-        if self.speed is None or self.yaw_rate is None:
-            return True
-        if abs(self.speed.stamp_ns - self.yaw_rate.stamp_ns) <= self.max_hold_ns:
-            self._move(motion.stamp_ns, self.speed, self.yaw_rate.yaw_rate)
+        if speed is not None and yaw_rate is not None and abs(speed.stamp_ns - yaw_rate.stamp_ns) <= self.max_hold_ns:
+            self._move(motion.stamp_ns, speed, yaw_rate.yaw_rate)
         return True
 
     def restart(self) -> None:

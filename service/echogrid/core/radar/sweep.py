@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from itertools import compress, pairwise
+from operator import attrgetter
 
 import msgspec
 import numpy as np
@@ -15,6 +16,8 @@ from echogrid.core.messages import Floats
 from echogrid.core.motion.odometry import EgoState
 from echogrid.core.radar.placed_scan import PlacedScan
 from echogrid.core.radar.static_gate import GateNoise, gate_row
+
+_stamp_ns = attrgetter("stamp_ns")
 
 
 class Sweep(msgspec.Struct, frozen=True, eq=False):
@@ -30,6 +33,7 @@ class Sweep(msgspec.Struct, frozen=True, eq=False):
     rcs: Floats  # (N,) dBsm
     sigmas: Floats  # (N,) of the range rates from a standing thing's
     near: NDArray[np.bool_]  # (N,) within the mount's range
+    newest: EgoState  # of the newest scan
 
     @staticmethod
     def of(placed: Sequence[PlacedScan], noise: GateNoise) -> Sweep:
@@ -52,16 +56,12 @@ class Sweep(msgspec.Struct, frozen=True, eq=False):
         (cos, cos_base), (sin, sin_base) = np.cos(columns[:2]), np.sin(columns[:2])
         rows = np.array([gate_row(one.mount, one.ego.speed, one.ego.yaw_rate, one.scan.ambiguity, noise) for one in placed])
         loops.deviations(cos_base, sin_base, rate, counts, rows, noise.range_rate, noise.azimuth, noise.speed, sigmas)
-        return Sweep(placed, counts, scan, ranges, (cos, sin), (cos_base, sin_base), rate, rcs, sigmas, near)
+        newest = max([one.ego for one in placed], key=_stamp_ns)
+        return Sweep(placed, counts, scan, ranges, (cos, sin), (cos_base, sin_base), rate, rcs, sigmas, near, newest)
 
     def only(self, which: Sequence[bool], noise: GateNoise) -> Sweep:
         """Of some of the scans, at least one."""
         return self if all(which) else Sweep.of(list(compress(self.placed, which)), noise)
-
-    @property
-    def newest(self) -> EgoState:
-        """Of the newest scan."""
-        return max((one.ego for one in self.placed), key=_stamp_ns)
 
     def slices(self) -> list[slice]:
         """(S,) where each scan's detections are."""
@@ -85,7 +85,3 @@ class Sweep(msgspec.Struct, frozen=True, eq=False):
         found = np.empty((len(self.range), 2))
         loops.polar(self.range, *self.azimuth, self.sizes, places, found)
         return found
-
-
-def _stamp_ns(ego: EgoState) -> int:
-    return ego.stamp_ns

@@ -42,6 +42,10 @@ class Verdict(Enum):
     BACK = "the clock was set back"
 
 
+# A member by its class costs ten times as much as a name, and each sample asks for several.
+GOOD, OLD, IMPLAUSIBLE, GAP, JUMP, BACK = Verdict
+
+
 class SampleWatch:
     """Remembers the last good samples of one kind of motion. `name` and `unit` are for sentences."""
 
@@ -57,21 +61,23 @@ class SampleWatch:
 
     def judge(self, stamp_ns: int, value: float) -> Verdict:
         """A good sample becomes the last one; after GAP or BACK the caller starts a new map and calls `restart`."""
-        if self.last_ns is not None and stamp_ns <= self.last_ns:
-            self._behind += 1
-            return Verdict.BACK if self._behind >= OLD_RUN else Verdict.OLD
+        last_ns, last, jumps = self.last_ns, self.last, False
+        if last_ns is not None:
+            if stamp_ns <= last_ns:
+                self._behind += 1
+                return BACK if self._behind >= OLD_RUN else OLD
+            if stamp_ns - last_ns > MAX_GAP_NS:
+                self._behind = 0
+                return GAP
+            jumps = abs(value - last) > self.noise + self.rate * min((stamp_ns - last_ns) * NS, LONGEST_STEP)
         self._behind = 0
-        if self.last_ns is not None and stamp_ns - self.last_ns > MAX_GAP_NS:
-            return Verdict.GAP
-        step = 0.0 if self.last_ns is None else min((stamp_ns - self.last_ns) * NS, LONGEST_STEP)
-        jumps = self.last_ns is not None and abs(value - self.last) > self.noise + self.rate * step
         if jumps or abs(value) > self.most:
             self.implausible_ns, self.implausible = stamp_ns, value
-            return Verdict.IMPLAUSIBLE
-        if self.last_ns is None or value != self.last:
+            return IMPLAUSIBLE
+        if last_ns is None or value != last:
             self.changed_ns = stamp_ns
         self.last_ns, self.last = stamp_ns, value
-        return Verdict.GOOD
+        return GOOD
 
     @property
     def is_stuck(self) -> bool:
@@ -122,10 +128,10 @@ class MotionWatch:
 
     def judge(self, motion: EgoMotion) -> Verdict:
         if not motion.continues and self.speed.last_ns is not None:
-            return Verdict.JUMP
+            return JUMP
         watch, value = (self.speed, motion.speed) if isinstance(motion, Speed) else (self.yaw_rate, motion.yaw_rate)
         verdict = watch.judge(motion.stamp_ns, value)
-        if verdict is Verdict.GAP and watch.jumped:  # whether it is right now, or was before, the radars must say
+        if verdict is GAP and watch.jumped:  # whether it is right now, or was before, the radars must say
             self.disputed = f"{watch.name}: jumped to {value:.1f} {watch.unit}"
             self._off = MOST, MOST
         return verdict

@@ -58,7 +58,7 @@ class Watch:
         self.mapped_ns: int | None = None  # receipt of the newest scan in the map
         self.why_empty: str | None = None  # why a new map was started
         self._judged_ns: int | None = None
-        self._known: deque[tuple[int, int, Floats]] = deque()  # newest stamp, scans, and where static detections lie, (N, 2) m in odom
+        self._known: deque[Sweep] = deque()  # of the last seconds
 
     def judge(self, sweep: Sweep) -> None:
         """One cycle's scans: `motion.disputed` and the radars' `doubts` follow."""
@@ -118,17 +118,18 @@ class Watch:
         """How many detections a scan from here might have, by what lay in its field of view in the scans of the last seconds."""
         if not self._known:
             return 0.0
-        points = np.concatenate([points for _, _, points in self._known])
+        points = np.concatenate([self._static(sweep) for sweep in self._known])
         in_view = np.count_nonzero(one.mount.sees(one.ego.odom_from_base.inverse().apply(points)))
-        return in_view * len(self.radars) / sum(scans for _, scans, _ in self._known)
+        return in_view * len(self.radars) / sum(len(sweep.placed) for sweep in self._known)
+
+    def _static(self, sweep: Sweep) -> Floats:
+        """(N, 2) m in odom, where static detections lie."""
+        sensors = [one.ego.odom_from_base @ one.mount.base_from_sensor for one in sweep.placed]
+        return sweep.points(sensors)[sweep.stands(self.noise.sigmas)]
 
     def _remember(self, sweep: Sweep) -> None:
-        now_ns = sweep.newest.stamp_ns
-        sensors = [one.ego.odom_from_base @ one.mount.base_from_sensor for one in sweep.placed]
-        points = sweep.points((sensor.x, sensor.y, sensor.yaw) for sensor in sensors)
-        static = points[sweep.stands(self.noise.sigmas)]
-        self._known.append((now_ns, len(sweep.placed), static))
-        while now_ns - self._known[0][0] > KNOWN_NS:
+        self._known.append(sweep)
+        while sweep.newest.stamp_ns - self._known[0].newest.stamp_ns > KNOWN_NS:
             self._known.popleft()
 
     def restart(self, why: str) -> None:

@@ -152,7 +152,7 @@ class Judge:
         origins = np.broadcast_to((self.base_from_sensor.x, self.base_from_sensor.y), points.shape)
         detections = Detections(points, origins, np.full(len(points), np.nan), np.zeros(len(points)))
         history = History()
-        history.add(detections, Looks.of([self.mount], [IDENTITY]), IDENTITY, 0.0)
+        history.add(detections, Looks.of([self.mount], [IDENTITY]), 0.0)
         return history.surroundings(IDENTITY, [RADAR])
 
 
