@@ -274,22 +274,42 @@ KERNEL(draw_now) {
 
 /* What the points of the past make of a cell: counts up to `close` and `middle` m, of all, and of updates. */
 typedef struct {
-    uint32_t last; /* update that had a point here, from 1 */
+    uint16_t last; /* update that had a point here, from 1 */
     uint8_t counts[4], recency, rcs;
 } Past;
 
 static inline void one_more(uint8_t *count, int counts) { *count += counts & (*count < 255); }
 
+/* Of so many points, a block at most: cells of the patch, -1 outside, and bytes of how recent and how strong they are. */
+WIDE static void past_block(const double *point, const double *age, const double *rcs, Py_ssize_t size, double half, double cell, int32_t side,
+                            double fading, int32_t *at, uint8_t *recency, uint8_t *strength) {
+    for (Py_ssize_t n = 0; n < size; n++) {
+        double column = (point[2 * n] + half) / cell, row = (point[2 * n + 1] + half) / cell;
+        int inside = (column >= 0) & (column < side) & (row >= 0) & (row < side);
+        at[n] = inside ? (int32_t)row * side + (int32_t)column : -1;
+    }
+    for (Py_ssize_t n = 0; n < size; n++) {
+        double recent = 255 - age[n] * fading, strong = rint(128 + 4 * rcs[n]);
+        recent = recent > 1 ? recent : 1;
+        recency[n] = (uint8_t)(int32_t)(recent < 255 ? recent : 255);
+        strong = strong < 1 ? 1 : strong;
+        strong = strong > 255 ? 255 : strong;
+        strength[n] = (uint8_t)(int32_t)(rcs[n] == rcs[n] ? strong : 0);
+    }
+}
+
 KERNEL(draw_past) {
     TAKE("d2d1l1d1xxxxxB1B3!");
     Py_ssize_t size = LENGTH(0, 0), side = LENGTH(5, 1), cells = side * side;
-    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(3, 0) == size && LENGTH(4, 0) == 256 &&
+    const double *point = ARRAY(0)->buf, *age = ARRAY(1)->buf, *rcs = ARRAY(3)->buf;
+    const int64_t *update = ARRAY(2)->buf;
+    if (!sized(&given, LENGTH(0, 1) == 2 && (size == 0 || ARRAY(0)->strides[0] == 2 * sizeof *point) && LENGTH(1, 0) == size && LENGTH(2, 0) == size &&
+                           LENGTH(3, 0) == size && (size == 0 || update[size - 1] - update[0] < UINT16_MAX) && LENGTH(4, 0) == 256 &&
                            LENGTH(5, 0) == 6 && LENGTH(5, 2) == side && ARRAY(5)->strides[1] == side && ARRAY(5)->strides[0] == cells))
         return NULL;
-    const double *age = ARRAY(1)->buf, *rcs = ARRAY(3)->buf;
-    const int64_t *update = ARRAY(2)->buf;
     const uint8_t *table = ARRAY(4)->buf;
-    uint8_t *out = ARRAY(5)->buf;
+    uint8_t *out = ARRAY(5)->buf, recency[BLOCK], strength[BLOCK];
+    int32_t at[BLOCK];
     double half = given.number[0], cell = given.number[1], close = given.number[2], middle = given.number[3], fading = given.number[4];
     Past *past = calloc(cells, sizeof *past);
     int32_t *drawn = malloc((size + 1) * sizeof *drawn);
@@ -300,20 +320,22 @@ KERNEL(draw_past) {
         return PyErr_NoMemory();
     }
     Py_ssize_t found = 0;
-    for (Py_ssize_t n = 0; n < size; n++) {
-        const double *point = ROW(double, 0, n);
-        Py_ssize_t at = patch_cell(point[0], point[1], half, cell, side);
-        if (at < 0) continue;
-        Past *here = past + at;
-        uint32_t number = (uint32_t)(update[n] - update[0]) + 1;
-        if (!here->counts[2]) drawn[found++] = (int32_t)at;
-        one_more(&here->counts[0], age[n] <= close);
-        one_more(&here->counts[1], age[n] <= middle);
-        one_more(&here->counts[2], 1);
-        one_more(&here->counts[3], here->last != number);
-        here->last = number;
-        raise_to(&here->recency, byte_within(255 - age[n] * fading));
-        raise_to(&here->rcs, byte_of_rcs(rcs[n]));
+    for (Py_ssize_t from = 0; from < size; from += BLOCK) {
+        Py_ssize_t some = size - from < BLOCK ? size - from : BLOCK;
+        past_block(point + 2 * from, age + from, rcs + from, some, half, cell, (int32_t)side, fading, at, recency, strength);
+        for (Py_ssize_t k = 0; k < some; k++) {
+            if (at[k] < 0) continue;
+            Past *here = past + at[k];
+            uint16_t number = (uint16_t)(update[from + k] - update[0] + 1);
+            if (!here->counts[2]) drawn[found++] = at[k];
+            one_more(&here->counts[0], age[from + k] <= close);
+            one_more(&here->counts[1], age[from + k] <= middle);
+            one_more(&here->counts[2], 1);
+            one_more(&here->counts[3], here->last != number);
+            here->last = number;
+            raise_to(&here->recency, recency[k]);
+            raise_to(&here->rcs, strength[k]);
+        }
     }
     memset(out, table[0], 4 * cells);
     memset(out + 4 * cells, 0, 2 * cells);
