@@ -213,27 +213,25 @@ class Mapper:
         self.doppler.add(sweep.placed, self.odometry.errors, self.noise)
         self.again.add(sweep, self.odometry.errors, self.noise)
         looks = self._looks(sweep.placed, ego)
-        found = _detections(sweep, looks)
-        asked = np.empty((2, len(sweep.near)), np.bool_)  # near enough to be shown, and for the map to reach
-        asked[0] = sweep.near
-        np.less_equal(sweep.range, self.map.reach, out=asked[1])
-        verdicts, (near, reached) = gated(found.points, sweep.sigmas, asked, self.noise)
-        there = found.moved(ego.odom_from_base)
+        points = sweep.points(looks.place.tolist())  # moving ones too, in base
+        verdicts, (near, reached) = gated(points, sweep.sigmas, sweep.near, sweep.range, self.map.reach, self.noise)
+        seen_from = looks.moved(ego.odom_from_base)
+        found = _detections(sweep, ego.odom_from_base.apply(points), seen_from)
         self.health.cycles += 1
         self.health.static_detections += len(near)
         view = self._view(sweep.placed, ego.stamp_ns)
         takes = self.map.takes(ego.odom_from_base)
         if self.map.reach:
-            self.map.measure(self._beams(sweep, there, reached), ego.odom_from_base, view)
+            self.map.measure(self._beams(sweep, found, reached), ego.odom_from_base, view)
         if takes:
-            self.history.add(there.taken(near), looks.moved(ego.odom_from_base), self.odometry.distance)
+            self.history.add(found.taken(near), seen_from, self.odometry.distance)
             said = self.infer(self.history.surroundings(ego.odom_from_base, self._live(ego.stamp_ns)))
             self.map.integrate(said, ego.odom_from_base, view)
         self.health.tiles_forgotten = self.map.forgotten
         self.watch.mapped_ns = max([one.scan.received_ns for one in sweep.placed])
         map_from_odom = None if self.frame is None else self.frame.map_from_odom
         numbers = [self._numbers[one.scan.sensor] for one in sweep.placed]
-        return MapUpdate(ego, found.points.take(near, axis=0), Judged(found.points, sweep.scan, numbers, verdicts), map_from_odom)
+        return MapUpdate(ego, points.take(near, axis=0), Judged(points, sweep.scan, numbers, verdicts), map_from_odom)
 
     def certainty(self, ego: EgoState) -> Certainty:
         """How well the car's motion is known at the newest pose."""
@@ -283,10 +281,10 @@ class Mapper:
             self.health.sensors[one.scan.sensor].distrusted += not is_trusted
         return sweep.only(trusted, self.noise) if any(trusted) else None
 
-    def _beams(self, sweep: Sweep, there: Detections, static: NDArray[np.int64]) -> Beams:
+    def _beams(self, sweep: Sweep, found: Detections, static: NDArray[np.int64]) -> Beams:
         """The static detections, in odom, as far as the map reaches, which may be farther than a network is shown."""
         bits = np.array([1 << self._numbers[one.scan.sensor] for one in sweep.placed], np.uint16)
-        return Beams(there.points.take(static, axis=0), there.origins.take(static, axis=0), bits.take(sweep.scan.take(static)))
+        return Beams(found.points.take(static, axis=0), found.origins.take(static, axis=0), bits.take(sweep.scan.take(static)))
 
     def _looks(self, placed: Sequence[PlacedScan], now: EgoState) -> Looks:
         """From where the scans were measured, in base at `now`."""
@@ -306,9 +304,9 @@ class Mapper:
         return [name for name in live if not self.watch.radars[name].doubts]
 
 
-def _detections(sweep: Sweep, looks: Looks) -> Detections:
-    """All of the sweep, moving ones too, in the frame of the looks: each from where its radar was when it was measured."""
-    return Detections(sweep.points(looks.place.tolist()), looks.place[:, :2].take(sweep.scan, axis=0), sweep.rcs, sweep.sigmas)
+def _detections(sweep: Sweep, points: Floats, looks: Looks) -> Detections:
+    """All of the sweep at points (N, 2) in the frame of the looks: each from where its radar was when it was measured."""
+    return Detections(points, looks.place[:, :2].take(sweep.scan, axis=0), sweep.rcs, sweep.sigmas)
 
 
 def in_view(mounts: Mapping[str, Mount], spec: GridSpec) -> dict[str, NDArray[np.uint16]]:

@@ -244,11 +244,11 @@ def agreeing(random: Random, size: int) -> list[Any]:
 
 def gated(random: Random, size: int) -> list[Any]:
     """Now and then both times the same are asked for."""
-    asked = random.random((2, size)) < 0.7
-    asked[1] = asked[1] if random.random() < 0.7 else asked[0]
+    near, range_ = random.random(size) < 0.7, random.uniform(0, 3, size)
+    range_ = range_ if random.random() < 0.7 else np.where(near, 1.0, 3.0)
     sigmas = np.where(random.random(size) < 0.05, np.nan, np.abs(random.normal(0, 3, size)).round())
     written = [np.ones(size, np.uint8), np.zeros((2, size), np.int64), np.ones(2, np.int64)]
-    return [points(random, size, 5, 1.0), sigmas, asked, 3.0, 2.0, *written]
+    return [points(random, size, 5, 1.0), sigmas, near, range_, 2.0, 3.0, 2.0, *written]
 
 
 def possible(random: Random, size: int) -> list[Any]:

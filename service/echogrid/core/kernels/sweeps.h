@@ -84,28 +84,34 @@ KERNEL(agreeing) {
 }
 
 KERNEL(gated) {
-    TAKE("d2d1B2xxB1!l2!l1!");
+    TAKE("d2d1B1d1xxxB1!l2!l1!");
     Py_ssize_t size = LENGTH(0, 0);
-    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(2, 0) == 2 && LENGTH(2, 1) == size && LENGTH(3, 0) == size &&
-                           LENGTH(4, 0) == 2 && LENGTH(4, 1) == size && LENGTH(5, 0) == 2))
+    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(3, 0) == size && LENGTH(4, 0) == size &&
+                           LENGTH(5, 0) == 2 && LENGTH(5, 1) == size && LENGTH(6, 0) == 2))
         return NULL;
-    const double *sigmas = ARRAY(1)->buf, limit = given.number[0];
-    uint8_t *verdicts = ARRAY(3)->buf;
-    int64_t *found = ARRAY(5)->buf;
-    double *movers = malloc((2 * size + 1) * sizeof *movers);
+    const double *sigmas = ARRAY(1)->buf, *range = ARRAY(3)->buf, reach = given.number[0], limit = given.number[1];
+    const uint8_t *near = ARRAY(2)->buf;
+    uint8_t *verdicts = ARRAY(4)->buf;
+    int64_t *found = ARRAY(6)->buf;
+    double *movers = malloc((2 * size + 1) * sizeof *movers + size);
+    uint8_t *reached = (uint8_t *)(movers + 2 * size + 1);
     if (movers == NULL) {
         drop(&given);
         return PyErr_NoMemory();
     }
-    int alike = !memcmp(ROW(uint8_t, 2, 0), ROW(uint8_t, 2, 1), size);
+    int alike = 1;
+    for (Py_ssize_t n = 0; n < size; n++) {
+        reached[n] = range[n] <= reach;
+        alike &= reached[n] == (near[n] != 0);
+    }
     for (int turn = alike ? 0 : 1; turn >= 0; turn--) {
-        const uint8_t *asked = ROW(uint8_t, 2, turn);
-        int64_t *standing = ROW(int64_t, 4, turn);
+        const uint8_t *asked = turn ? reached : near;
+        int64_t *standing = ROW(int64_t, 5, turn);
         Py_ssize_t moving = 0;
         for (Py_ssize_t n = 0; n < size; n++)
             if (asked[n] && !(sigmas[n] <= limit)) memcpy(movers + 2 * moving++, ROW(double, 0, n), 2 * sizeof *movers);
         for (Py_ssize_t n = 0; n < size; n++) verdicts[n] = UNASKED;
-        mark_beside(&given, 0, movers, moving, given.number[1], size, asked, BESIDE, STANDS, verdicts);
+        mark_beside(&given, 0, movers, moving, given.number[2], size, asked, BESIDE, STANDS, verdicts);
         found[turn] = 0;
         for (Py_ssize_t n = 0; n < size; n++) {
             if (asked[n] && !(sigmas[n] <= limit)) verdicts[n] = MOVES;
@@ -113,7 +119,7 @@ KERNEL(gated) {
         }
     }
     if (alike) {
-        memcpy(ROW(int64_t, 4, 1), ROW(int64_t, 4, 0), found[0] * sizeof *found);
+        memcpy(ROW(int64_t, 5, 1), ROW(int64_t, 5, 0), found[0] * sizeof *found);
         found[1] = found[0];
     }
     free(movers);

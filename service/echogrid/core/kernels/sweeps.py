@@ -47,11 +47,21 @@ def agreeing(sizes: Integers, near: Mask, sigmas: Floats, limit: float, out: Int
 
 
 def gated(
-    points: Floats, sigmas: Floats, asked: Mask, limit: float, radius: float, verdicts: Bytes, static: Integers, found: Integers
+    points: Floats,
+    sigmas: Floats,
+    near: Mask,
+    range_: Floats,
+    reach: float,
+    limit: float,
+    radius: float,
+    verdicts: Bytes,
+    static: Integers,
+    found: Integers,
 ) -> None:
-    """Twice: of detections (N,), those that are `asked` (2, N), by GateVerdict: what is more than `limit` sigmas off a standing thing
-    moves, and what lies within `radius` m of at least two such is beside them. `verdicts` (N,) of the first time; `static` (2, N) which
-    ones stand, `found` (2,) how many of them there are."""
+    """Twice, of those detections (N,) that are `near` and of those up to `reach` m far, by GateVerdict: what is more than `limit` sigmas
+    off a standing thing moves, and what lies within `radius` m of at least two such is beside them. `verdicts` (N,) of the first time;
+    `static` (2, N) which ones stand, `found` (2,) how many of them there are."""
+    asked = np.stack((near, range_ <= reach))
     for which, standing, count in zip(asked[::-1], static[::-1], found[::-1, None], strict=True):
         some = np.flatnonzero(which)
         moving, near = ~(sigmas[some] <= limit), np.empty(len(some), np.bool_)

@@ -170,7 +170,7 @@ KERNEL(note_views) {
 typedef float Pair __attribute__((vector_size(8)));
 
 /* Patch cells by their four neighbours; 0 outside. */
-static void blend_row(const Pair *padded, Py_ssize_t across, const int32_t *flat, const float *fu, const float *fv, Py_ssize_t width, float *more,
+WIDE static void blend_row(const Pair *padded, Py_ssize_t across, const int32_t *flat, const float *fu, const float *fv, Py_ssize_t width, float *more,
                       float *heavier) {
     for (Py_ssize_t j = 0; j < width; j++) {
         more[j] = heavier[j] = 0;

@@ -77,11 +77,13 @@ def gate_row(mount: Mount, speed: float, yaw_rate: float, ambiguity: float, nois
     return speed - yaw_rate * place.y, yaw_rate * place.x, ambiguity, math.hypot(place.x, place.y) * noise.yaw_rate
 
 
-def gated(points: Floats, sigmas: Floats, asked: NDArray[np.bool_], noise: GateNoise) -> tuple[NDArray[np.uint8], list[NDArray[np.int64]]]:
-    """Of detections at points (N, 2) m, so many sigmas (N,) off a standing thing, those that are `asked`, (2, N) for two ways of asking:
-    the verdict (N,) by the first, `kernels.sweeps.GateVerdict`, and by each which ones stand."""
+def gated(
+    points: Floats, sigmas: Floats, near: NDArray[np.bool_], range_: Floats, reach: float, noise: GateNoise
+) -> tuple[NDArray[np.uint8], list[NDArray[np.int64]]]:
+    """Of detections (N,) at points (N, 2) m, so many sigmas off a standing thing: the verdict (N,) on those that are `near`,
+    `kernels.sweeps.GateVerdict`, and of these, and of those up to `reach` m far, which ones stand."""
     verdicts, static, found = np.empty(len(points), np.uint8), np.empty((2, len(points)), np.int64), np.empty(2, np.int64)
-    loops.gated(points, sigmas, asked, noise.sigmas, noise.mover_radius, verdicts, static, found)
+    loops.gated(points, sigmas, near, range_, reach, noise.sigmas, noise.mover_radius, verdicts, static, found)
     return verdicts, [row[:count] for row, count in zip(static, found.tolist(), strict=True)]
 
 
