@@ -226,7 +226,8 @@ def differing(random: Random, size: int) -> list[Any]:
 
 
 def beside(random: Random, size: int) -> list[Any]:
-    return [points(random, size, 5, 1.0), random.random(size) < 0.3, 2.0, np.ones(size, np.bool_)]  # many are 2 m apart
+    """Many are 2 m apart."""
+    return [points(random, size, 5, 1.0), random.random(size) < 0.3, sizes(random, size), 2.0, np.ones(size, np.bool_)]
 
 
 def gathered(random: Random, size: int) -> list[Any]:

@@ -37,7 +37,7 @@ def test_a_sweep_has_of_each_scan_what_it_has_alone() -> None:
     assert sweep.newest.stamp_ns == 2
     sensors = [one.ego.odom_from_base @ one.mount.base_from_sensor for one in placed]
     points = sweep.points((sensor.x, sensor.y, sensor.yaw) for sensor in sensors)
-    for one, sensor, some in zip(placed, sensors, sweep.slices(), strict=True):
+    for one, sensor, some in zip(placed, sensors, (slice(7), slice(7, 7), slice(7, None)), strict=True):
         scan, ego = one.scan, one.ego
         polar = np.stack((scan.range * np.cos(scan.azimuth), scan.range * np.sin(scan.azimuth)), axis=1)
         np.testing.assert_array_equal(points[some], sensor.apply(polar))

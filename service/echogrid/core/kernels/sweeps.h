@@ -2,10 +2,10 @@
 enum { STANDS, MOVES, BESIDE, UNASKED };
 
 /* Of points, `count` of them at `some`, so many of which move: marks those that at least two of these lie close to. */
-static void mark_beside(const Given *given, int points, const double *movers, Py_ssize_t moving, double radius, Py_ssize_t size, const uint8_t *asked,
-                        uint8_t mark, uint8_t other, uint8_t *out) {
+static void mark_beside(const Given *given, int points, const double *movers, Py_ssize_t moving, double radius, Py_ssize_t begin, Py_ssize_t end,
+                        const uint8_t *asked, uint8_t mark, uint8_t other, uint8_t *out) {
     double square = radius * radius;
-    for (Py_ssize_t n = 0; n < size; n++) {
+    for (Py_ssize_t n = begin; n < end; n++) {
         if (asked && !asked[n]) continue;
         const double *point = (const double *)((const char *)given->array[points].buf + n * given->array[points].strides[0]);
         int near = 0;
@@ -18,18 +18,22 @@ static void mark_beside(const Given *given, int points, const double *movers, Py
 }
 
 KERNEL(beside) {
-    TAKE("d2B1xB1!");
-    Py_ssize_t size = LENGTH(0, 0), movers = 0;
-    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(2, 0) == size)) return NULL;
+    TAKE("d2B1l1xB1!");
+    Py_ssize_t size = LENGTH(0, 0), scans = LENGTH(2, 0);
+    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && sizes_fit(&given, 2, scans, size) && LENGTH(3, 0) == size)) return NULL;
     const uint8_t *moving = ARRAY(1)->buf;
+    const int64_t *sizes = ARRAY(2)->buf;
     double *of = malloc((2 * size + 1) * sizeof *of);
     if (of == NULL) {
         drop(&given);
         return PyErr_NoMemory();
     }
-    for (Py_ssize_t n = 0; n < size; n++)
-        if (moving[n]) memcpy(of + 2 * movers++, ROW(double, 0, n), 2 * sizeof *of);
-    mark_beside(&given, 0, of, movers, given.number[0], size, NULL, 1, 0, ARRAY(2)->buf);
+    for (Py_ssize_t s = 0, begin = 0; s < scans; begin += sizes[s++]) {
+        Py_ssize_t movers = 0, end = begin + sizes[s];
+        for (Py_ssize_t n = begin; n < end; n++)
+            if (moving[n]) memcpy(of + 2 * movers++, ROW(double, 0, n), 2 * sizeof *of);
+        mark_beside(&given, 0, of, movers, given.number[0], begin, end, NULL, 1, 0, ARRAY(3)->buf);
+    }
     free(of);
     return done(&given);
 }
@@ -94,11 +98,11 @@ KERNEL(gated) {
     uint8_t *verdicts = ARRAY(4)->buf;
     int64_t *found = ARRAY(6)->buf;
     double *movers = malloc((2 * size + 1) * sizeof *movers + size);
-    uint8_t *reached = (uint8_t *)(movers + 2 * size + 1);
     if (movers == NULL) {
         drop(&given);
         return PyErr_NoMemory();
     }
+    uint8_t *reached = (uint8_t *)(movers + 2 * size + 1);
     int alike = 1;
     for (Py_ssize_t n = 0; n < size; n++) {
         reached[n] = range[n] <= reach;
@@ -111,7 +115,7 @@ KERNEL(gated) {
         for (Py_ssize_t n = 0; n < size; n++)
             if (asked[n] && !(sigmas[n] <= limit)) memcpy(movers + 2 * moving++, ROW(double, 0, n), 2 * sizeof *movers);
         for (Py_ssize_t n = 0; n < size; n++) verdicts[n] = UNASKED;
-        mark_beside(&given, 0, movers, moving, given.number[2], size, asked, BESIDE, STANDS, verdicts);
+        mark_beside(&given, 0, movers, moving, given.number[2], 0, size, asked, BESIDE, STANDS, verdicts);
         found[turn] = 0;
         for (Py_ssize_t n = 0; n < size; n++) {
             if (asked[n] && !(sigmas[n] <= limit)) verdicts[n] = MOVES;

@@ -65,17 +65,18 @@ def gated(
     for which, standing, count in zip(asked[::-1], static[::-1], found[::-1, None], strict=True):
         some = np.flatnonzero(which)
         moving, near = ~(sigmas[some] <= limit), np.empty(len(some), np.bool_)
-        beside(points[some], moving, radius, near)
+        beside(points[some], moving, np.array([len(some)]), radius, near)
         verdicts[:] = GateVerdict.UNASKED
         verdicts[some] = np.where(moving, GateVerdict.MOVING, np.where(near, GateVerdict.BESIDE, GateVerdict.STATIC))
         stands = np.flatnonzero(verdicts == GateVerdict.STATIC)
         standing[: len(stands)], count[0] = stands, len(stands)
 
 
-def beside(points: Floats, moving: Mask, radius: float, out: Mask) -> None:
-    """(N,) which of the points have at least two `moving` ones less than `radius` m away."""
+def beside(points: Floats, moving: Mask, sizes: Integers, radius: float, out: Mask) -> None:
+    """(N,) which of the points of scans, `sizes` (S,) of each, have at least two `moving` ones of their scan less than `radius` m away."""
+    scan = np.repeat(np.arange(len(sizes)), sizes)
     away = points[:, None, :] - points[moving][None, :, :]
-    out[:] = ((away * away).sum(axis=2) < radius * radius).sum(axis=1) >= 2
+    out[:] = (((away * away).sum(axis=2) < radius * radius) & (scan[:, None] == scan[moving])).sum(axis=1) >= 2
 
 
 def leanings(

@@ -65,8 +65,7 @@ def look(sweeps: Sequence[tuple[Sweep, Turned]], numbers: Mapping[str, int], noi
     for sweep, _ in sweeps:
         there = sweep.points([(0.0, 0.0, 0.0)] * len(sweep.placed))  # each in its sensor's frame
         moving = sweep.sigmas > noise.sigmas
-        beside = np.concatenate([beside_movers(there[some], moving[some], noise) for some in sweep.slices()])
-        stands.append(~(moving | beside) & (sweep.range > NEAREST))
+        stands.append(~(moving | beside_movers(there, moving, sweep.sizes, noise)) & (sweep.range > NEAREST))
         points.append(there)
     standing = np.flatnonzero(np.concatenate(stands))
     if len(standing) == 0:

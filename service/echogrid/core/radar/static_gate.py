@@ -87,12 +87,13 @@ def gated(
     return verdicts, [row[:count] for row, count in zip(static, found.tolist(), strict=True)]
 
 
-def beside_movers(points: Floats, moving: NDArray[np.bool_], noise: GateNoise) -> NDArray[np.bool_]:
-    """(N,) True for detections with at least two moving ones within `noise.mover_radius`. points: (N, 2) m, of one cycle.
+def beside_movers(points: Floats, moving: NDArray[np.bool_], sizes: NDArray[np.int64], noise: GateNoise) -> NDArray[np.bool_]:
+    """(N,) True for detections with at least two moving ones of their scan within `noise.mover_radius`. points: (N, 2) m, of scans with
+    `sizes` (S,) of them, one behind the other.
 
     A car that passes abeam shows no radial speed in the middle and much at its ends: the part between them belongs to it too. One moving
     neighbour is not enough, since one detection in twenty has a gross Doppler error.
     """
     near = np.empty(len(points), dtype=np.bool_)
-    loops.beside(points, moving, noise.mover_radius, near)
+    loops.beside(points, moving, sizes, noise.mover_radius, near)
     return near

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from itertools import compress, pairwise
+from itertools import compress
 from operator import attrgetter
 
 import msgspec
@@ -62,11 +62,6 @@ class Sweep(msgspec.Struct, frozen=True, eq=False):
     def only(self, which: Sequence[bool], noise: GateNoise) -> Sweep:
         """Of some of the scans, at least one."""
         return self if all(which) else Sweep.of(list(compress(self.placed, which)), noise)
-
-    def slices(self) -> list[slice]:
-        """(S,) where each scan's detections are."""
-        ends = self.sizes.cumsum().tolist()
-        return [slice(begin, end) for begin, end in pairwise((0, *ends))]
 
     def stands(self, sigmas: float) -> NDArray[np.bool_]:
         """(N,) what is near, and at most so many sigmas off a standing thing."""
