@@ -92,3 +92,9 @@ def test_a_clock_that_is_set_back_begins_a_map_that_no_pose_has_placed_yet() -> 
     assert mapper.epoch == 1
     assert mapper.frame is not None
     assert mapper.frame.map_from_odom is None
+
+
+def test_a_sample_that_is_left_out_is_counted_once(mapper: Mapper) -> None:
+    for seconds, speed in ((1.0, 5.0), (1.0, 5.0), (0.99, 5.0), (1.01, 60.0), (1.02, 5.0)):
+        mapper.on_motion(Speed(round(seconds * 1e9), speed))
+    assert (mapper.health.motion_dropped, mapper.health.motion_implausible) == (2, 1)
