@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,7 @@ WRITERS: dict[str, Callable[[list[can.Message]], list[str]]] = {
 MODULES = (candump, asc, trc, csv_log, blf)
 NOISE = [b"\0", b"\0\0\0", b"\0" * 4, b"junk", b"LOBJ", b"LOBJ\x10\0\1\0"]
 ONE = [can.Message(timestamp=1600000000.0, channel="can0", data=b"1")]
+FD_LENGTHS = ((9, 12), (10, 16), (11, 20), (12, 24), (13, 32), (14, 48), (15, 64))  # by their codes
 ODD_LINES = {
     ".log": [
         "(1.5) can0 123#11.22",
@@ -57,6 +59,7 @@ ODD_LINES = {
         " (1.5)  can0  123   [12]  remote request",
         " (1.5)  can0  123   [99]  remote request",
         "(1.5) can0 12#1122",
+        "(1.) can0 123#1122",
     ],
     ".asc": [
         "// a comment",
@@ -95,6 +98,8 @@ ODD_LINES = {
         "      1         0.500 DT 1 00000100 Tx -  1   01  ",
         "x     1         0.500 DT 1 00000100 Tx -  1   01",
         "      1         0.500 DT 1    00100 Rx -  1   01",
+        "      1            1. DT 1     0100 Rx -  1   01",
+        *(f"      1         0.500 FB 1     0100 Rx -  {code}   " + "01 " * size for code, size in FD_LENGTHS),
     ],
     ".csv": [
         "1600000001.1234567,0x123,0,0,0,3,AQID",
@@ -108,6 +113,9 @@ ODD_LINES = {
         "0.1,0x1,0,0,0,0,",
         "1600000001.5,0x123,1,0,0,2,AQJ=",
         "1600000001.5,0x123,1,0,0,0,A===",
+        "1.,0x123,1,0,0,1,AQ==",
+        *(f"1.{'0123456789' * 2:.{digits}},0x123,1,0,0,1,AQ==" for digits in range(9, 14)),
+        *(f"1600000001.5,0x123,1,0,0,{code},{b64encode(bytes(range(size))).decode()}" for code, size in FD_LENGTHS),
     ],
 }
 ODD = st.one_of(

@@ -111,6 +111,57 @@ def test_frames_become_scans_as_in_numpy(seed: int, size: int) -> None:
             np.testing.assert_array_equal(one if np.isscalar(one) else one[some], other if np.isscalar(other) else other[some])
 
 
+def one_radar(roles: list[tuple[int, ...]], ranges: list[list[int]], most: int) -> list[Any]:
+    """Frames of a radar without a header whose cycle two frames make, of six detections in each: a byte is range, azimuth and range rate
+    of one; the RCS is not said. Behind the columns of detections lie others."""
+    places, kinds = [(k, 1, 0, 8, 0) for k in range(6)], [(0, -1, -1, column) for column in range(3)]
+    plans = Plans()
+    plans.add(Plan((6, 6, -1, 6, 3, 0, 0, 0, *(one for row in (*places, *kinds) for one in row)), (1.0, 0.0) * 9))
+    size = len(ranges)
+    frames = [np.arange(size), np.arange(size) % 2, np.ones(size, np.uint8), np.zeros(size, np.bool_), np.full(size, 6, np.uint8)]
+    rule = np.array([(1, 0, 2, -1, 40, 6, 0, -1, -1, most, 6, 0, -1, 0, 0)])
+    given = [np.arange(size) * 6, np.array(ranges, np.uint8).reshape(-1), np.array(roles), rule, np.tile((0, 1, 0, 0, 0), (1, 6, 1))]
+    state = [np.zeros((1, 12), np.int64), *np.zeros((2, 1, 4), np.int64), np.zeros((1, 7, 64), np.uint8), np.zeros((1, 5), np.int64)]
+    event = np.array([0, -(2**63), -5, 900, size, 60, *[0] * 8])
+    columns = np.arange(6 * 40).reshape(6, 40) + 0.5
+    return [
+        *frames,
+        *given,
+        *state,
+        *plans.arrays(),
+        1e9,
+        event,
+        np.zeros((4, 13), np.int64),
+        np.zeros((4, 3)),
+        columns[:4],
+        np.zeros(900, np.uint8),
+    ]
+
+
+@pytest.mark.parametrize("loops", [reference, compiled])
+def test_of_too_many_detections_the_nearest_stay_in_their_order(loops: Any) -> None:
+    """Of those as near as each other the first; one at 0 m says nothing. Two cycles, one behind the other."""
+    ranges = [[9, 4, 7, 4, 30, 8], [0, 12, 4, 40, 3, 9], [5, 5, 5, 5, 5, 5], [9, 2, 9, 9, 9, 9]]
+    arguments = one_radar([(0, 1, 6, 0, 0), (0, 1, 6, 1, 1)], ranges, 4)
+    with np.errstate(all="ignore"):
+        loops.assemble(*arguments)
+    found, columns = arguments[SCANS][:2], arguments[COLUMNS]
+    assert found[:, [Found.BEGIN, Found.END, Found.INVALID, Found.TRUNCATED]].tolist() == [[0, 4, 1, 7], [4, 8, 0, 8]]
+    assert columns[:3, :8].tolist() == [[4, 4, 4, 3, 5, 5, 5, 2]] * 3
+    assert np.isnan(columns[3, :8]).all()
+    np.testing.assert_array_equal(columns.base[4:], np.arange(4 * 40, 6 * 40).reshape(2, 40) + 0.5)
+
+
+@pytest.mark.parametrize("loops", [reference, compiled])
+def test_a_frame_that_comes_twice_ends_no_cycle(loops: Any) -> None:
+    """Though it is of the kind that does: it is the first one's place once more."""
+    arguments = one_radar([(0, 1, 6, 0, 0), (0, 1, 6, 0, 1)], [[1] * 6, [2] * 6], 9)
+    loops.assemble(*arguments)
+    assert arguments[EVENT][Event.SCANS] == 0
+    assert arguments[14][0].tolist() == [1, 0, 0, 0, 0]  # repeated, of what is counted
+    assert arguments[10][0, State.OPEN] == 1
+
+
 def test_among_the_cycles_that_are_put_together_are_whole_ones_of_all_radars() -> None:
     """Else the test above says little: and all reasons to end, detections that say something, too many, and checksums."""
     whole, why, said, too_many, sums = set(), set(), 0, 0, 0
