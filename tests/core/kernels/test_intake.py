@@ -59,10 +59,15 @@ def assembling(random: Random, size: int) -> list[Any]:
     first, second, third = (plans.add(plan(random, 4, each, names)) for each, names in ((2, 5), (1, 6), (3, 4)))
     values, age = plans.add(plan(random, 3, 1, 5)), plans.add(plan(random, 3, 1, 4))
     rules = [(0, 1, -1, -1, 40, 2, first, values, age, 1, 3, 4, 0, 1, 3), (1, 1, -1, 3, 40, 1, second, values, -1, 99, 2, 3, 2, 0, 0)]
+    bits = int(random.choice([1, 2]))  # of the header's number that the second radar's detections have
+    rules[1] = (*rules[1][:3], 2**bits - 1, *rules[1][4:])
     rules += [(1, 0, 2, -1, 40, 1, third, -1, -1, 1, 3, 0, -1, 0, 0), (1, 0, 1, -1, 40, 1, -1, -1, -1, 99, 3, 0, -1, 0, 0)]
     byte, none = [[place, 1, 0, 8, 0] for place in range(3)], [0, 1, 0, 0, 0]
     motorola = [1, -1, 4, 4, 1]
-    fields = [[byte[0], byte[0], byte[1], [2, -1, 0, 16, 0], byte[2], none], [byte[0], [0, 1, 0, 2, 0], none, byte[0], byte[2], motorola]]
+    fields = [
+        [byte[0], byte[0], byte[1], [2, -1, 0, 16, 0], byte[2], none],
+        [byte[0], [0, 1, 0, bits, 0], none, byte[0], byte[2], motorola],
+    ]
     fields += [[none] * 6] * 2
     sizes = random.choice([3, 3, 3, 3, 3, 3, 1, 8], size).astype(np.uint8)
     data = random.choice([0, 1, 1, 2, 3], 8 * size + 1).astype(np.uint8)
@@ -141,13 +146,13 @@ def one_radar(roles: list[tuple[int, ...]], ranges: list[list[int]], most: int) 
 @pytest.mark.parametrize("loops", [reference, compiled])
 def test_of_too_many_detections_the_nearest_stay_in_their_order(loops: Any) -> None:
     """Of those as near as each other the first; one at 0 m says nothing. Two cycles, one behind the other."""
-    ranges = [[9, 4, 7, 4, 30, 8], [0, 12, 4, 40, 3, 9], [5, 5, 5, 5, 5, 5], [9, 2, 9, 9, 9, 9]]
+    ranges = [[2, 4, 7, 4, 30, 8], [0, 12, 4, 40, 3, 9], [5, 5, 5, 5, 5, 5], [9, 2, 9, 9, 9, 9]]
     arguments = one_radar([(0, 1, 6, 0, 0), (0, 1, 6, 1, 1)], ranges, 4)
     with np.errstate(all="ignore"):
         loops.assemble(*arguments)
     found, columns = arguments[SCANS][:2], arguments[COLUMNS]
     assert found[:, [Found.BEGIN, Found.END, Found.INVALID, Found.TRUNCATED]].tolist() == [[0, 4, 1, 7], [4, 8, 0, 8]]
-    assert columns[:3, :8].tolist() == [[4, 4, 4, 3, 5, 5, 5, 2]] * 3
+    assert columns[:3, :8].tolist() == [[2, 4, 4, 3, 5, 5, 5, 2]] * 3
     assert np.isnan(columns[3, :8]).all()
     np.testing.assert_array_equal(columns.base[4:], np.arange(4 * 40, 6 * 40).reshape(2, 40) + 0.5)
 
@@ -160,6 +165,25 @@ def test_a_frame_that_comes_twice_ends_no_cycle(loops: Any) -> None:
     assert arguments[EVENT][Event.SCANS] == 0
     assert arguments[14][0].tolist() == [1, 0, 0, 0, 0]  # repeated, of what is counted
     assert arguments[10][0, State.OPEN] == 1
+
+
+@pytest.mark.parametrize("loops", [reference, compiled])
+@pytest.mark.parametrize(("later", "taken"), [(60, 2), (61, 1), (-60, 2), (-61, 1)])
+def test_a_frame_of_another_time_is_a_stray_from_the_first_nanosecond_beyond_a_step(loops: Any, later: int, taken: int) -> None:
+    arguments = one_radar([(0, 1, 6, 0, 0), (0, 1, 6, 1, 1)], [[1] * 6, [2] * 6], 9)
+    arguments[0][:] = 100, 100 + later
+    arguments[EVENT][Event.SPAN_FIRST] = -(2**63)
+    loops.assemble(*arguments)
+    assert arguments[EVENT][[Event.TAKEN, Event.AT]].tolist() == [taken, taken]
+    assert arguments[EVENT][Event.WHY] == (Why.IS_STRAY if taken < 2 else Why.ALL_TAKEN)
+
+
+@pytest.mark.parametrize("loops", [reference, compiled])
+def test_detections_that_the_caller_reads_need_no_columns(loops: Any) -> None:
+    arguments = one_radar([(0, 1, 6, 0, 0), (0, 1, 6, 1, 1)], [[1] * 6, [2] * 6], 9)
+    arguments[8][0, Rule.PLAN], arguments[COLUMNS] = -1, np.zeros((4, 0))
+    loops.assemble(*arguments)
+    assert (arguments[EVENT][Event.SCANS], arguments[EVENT][Event.WHY]) == (1, Why.IS_UNREAD)
 
 
 def test_among_the_cycles_that_are_put_together_are_whole_ones_of_all_radars() -> None:
@@ -375,7 +399,7 @@ def test_plans_and_tables_that_reach_beyond_the_arrays_are_refused(case: str, pl
     ("name", "case", "free"),
     [
         ("identify", identifying, {(5, 0)}),  # bytes behind the last frame's
-        ("assemble", assembling, {(6, 0), (7, 0), (9, 1), (22, 0)}),  # the same, readers that no frame has, counts of a header, room
+        ("assemble", assembling, {(6, 0), (9, 1), (22, 0)}),  # the same, counts of a header, room
         ("can_frames", receiving, set()),
     ],
 )
@@ -383,3 +407,14 @@ def test_an_array_that_is_one_shorter_than_the_others_say_is_refused(
     name: str, case: Callable[[Random, int], list[Any]], free: set[tuple[int, int]]
 ) -> None:
     assert taken_shorter(getattr(compiled, name), case(np.random.default_rng(3), 11)) == free
+
+
+def test_a_field_of_a_radar_that_lies_beyond_a_frame_is_refused() -> None:
+    """Each of them, of each radar."""
+    arguments = assembling(np.random.default_rng(0), 9)
+    fields = arguments[9]
+    for radar, field in np.ndindex(fields.shape[:2]):
+        arguments[9] = fields.copy()
+        arguments[9][radar, field, 3] = 65
+        with pytest.raises(ValueError, match="belong together"):
+            compiled.assemble(*arguments)
