@@ -18,8 +18,8 @@ from echogrid.config.tables import Publish
 from echogrid.core.mapper import MapUpdate
 from echogrid.core.messages import PoseFix
 from echogrid.core.trust.watch import State
-from echogrid.live.workers import WAIT
 from echogrid.pipeline import Pipeline
+from echogrid.threads import WAIT
 from echogrid.topics.announcer import Snapshot, Snapshots
 
 MOST_LAG = 1.0  # s behind the buses, beyond which the newest map is old

@@ -11,7 +11,7 @@ from typing import Any
 from echogrid.errors import EchogridError
 from echogrid.live.manager import Manager
 from echogrid.live.mapping import Outbox
-from echogrid.live.workers import WAIT
+from echogrid.threads import WAIT
 from echogrid.topics.announcer import MAPPED, Announcer
 from echogrid.topics.topic import Message, Sink, Topic
 

@@ -9,7 +9,7 @@ from echogrid.can.bus import GATHER, LiveBus
 from echogrid.can.frame_queue import FrameQueue
 from echogrid.can.signals import SignalReader
 from echogrid.config.tables import Bus
-from echogrid.live.workers import WAIT
+from echogrid.threads import WAIT
 
 QUEUE_FRAMES = 4096  # one to two seconds of four radars
 

@@ -22,13 +22,13 @@ from echogrid.live.manager import Manager
 from echogrid.live.mapping import Mapping, Take
 from echogrid.live.publishing import Publishing
 from echogrid.live.receiving import Receiving
-from echogrid.live.workers import Workers
 from echogrid.pipeline import Pipeline
 from echogrid.recording.foxglove import Foxglove
 from echogrid.recording.mcap_recorder import McapRecorder
 from echogrid.store.learned_file import LEARNED
 from echogrid.store.store_file import SUFFIX
 from echogrid.store.tile_keeper import TileKeeper
+from echogrid.threads import Workers
 from echogrid.topics.announcer import Announcer
 from echogrid.watching.metrics import Metrics
 from echogrid.zenoh.map_reader import MapReader

@@ -11,13 +11,13 @@ from pathlib import Path
 import can
 
 from echogrid.recording.mcap_writer import McapWriter
+from echogrid.threads import WAIT
 from echogrid.topics.topic import Message, Topic
 
 log = logging.getLogger("echogrid")
 MOST_WAITING = 32 << 20  # bytes; as many again while they are written
 FRAME_BYTES = 1 << 10  # that a frame takes while it waits
 FLUSH_PERIOD = 1.0  # s: no more is lost where the process is killed
-WAIT = 0.1  # s between two looks into the queue
 STATES = ("recording", "failed", "closed")
 
 Item = Message | tuple[str, can.Message]

@@ -18,9 +18,9 @@ from echogrid.core.map.tiled_map import TiledMap
 from echogrid.store.epoch import Description
 from echogrid.store.store_file import ForeignFileError, State, StoreError
 from echogrid.store.tile_store import TileStore
+from echogrid.threads import WAIT
 
 log = logging.getLogger("echogrid")
-WAIT = 0.1  # s: a thread looks this often whether it is to end
 MOST_WAITING = 64  # tiles without room in memory that wait for the disk
 AT_ONCE = 32  # tiles that are copied to be written together
 GOES_ON = "; mapping continues in memory"

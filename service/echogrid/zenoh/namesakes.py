@@ -10,7 +10,7 @@ import zenoh
 from echogrid.topics.topic import RUN
 
 PERIOD = 5.0  # s: asked again and again: with a standing subscription a thread of Zenoh 1.10.2 panicked more often
-WAIT = 5.0  # s: a router that does not answer has forgotten us by then
+ANSWER = 5.0  # s: a router that does not answer has forgotten us by then
 SAID = "vehicle: another service publishes as '{}' too, so subscribers get both maps by turns: give each its own `vehicle`"
 
 
@@ -32,7 +32,7 @@ class Namesakes:
         if self._replies is None:
             if time.monotonic() >= self._ask_at:
                 self._ask_at = time.monotonic() + PERIOD
-                self._replies = self._liveliness.get(self._all, handler=zenoh.handlers.DefaultHandler(), timeout=WAIT)
+                self._replies = self._liveliness.get(self._all, handler=zenoh.handlers.DefaultHandler(), timeout=ANSWER)
             return self._others
         try:
             while (reply := self._replies.try_recv()) is not None:

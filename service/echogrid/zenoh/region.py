@@ -17,6 +17,7 @@ from echogrid.core.map.map_delta import Rectangle
 from echogrid.core.map.tile import SIDE
 from echogrid.core.map.tiled_map import LogOdds
 from echogrid.errors import EchogridError
+from echogrid.threads import WAIT
 from echogrid.topics.announcer import MAP_FRAME, occupancy_percent
 from echogrid.topics.grids import Grid, encode_grid
 from echogrid.topics.topic import FLEET, FULL, REGION, TILE
@@ -30,7 +31,6 @@ MOST_CELLS = 1 << 22  # of one answer: 2048 x 2048 cells, so 4 MiB
 MOST_WAITING = 16  # queries; further ones are refused
 FARTHEST = 1e6  # m, or tiles, from odom's origin
 PARAMETERS = {"bbox", "fmt", "epoch"}
-WAIT = 0.1  # s: so often it is looked whether it is to end
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,4 +1,4 @@
-"""The threads of the service: they start together, and the first one that fails ends all."""
+"""Threads that start together; the first one that fails ends all."""
 
 from __future__ import annotations
 
