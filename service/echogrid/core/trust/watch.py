@@ -95,9 +95,10 @@ class Watch:
         if not len(near) or float(np.std(near.azimuth)) <= WIDE:
             return
         other = other_mount(near, one.mount, one.ego, self.noise)
-        mount = f"yaw {other.yaw_deg:.0f}°{', azimuth reversed' if other.mirrored else ''} ({other.share:.0%})"
-        if other.share >= EXPLAINS:
-            radar.doubt("odd", f"at odds with ego motion ({share:.0%} of its detections fit): swapped, or mounted at {mount}")
+        would = [f"swapped, or mounted at yaw {other.yaw_deg:.0f}° ({other.share:.0%})"] if other.share >= EXPLAINS else []
+        would += [f"azimuths reversed ({other.reversed_share:.0%})"] if other.reversed_share >= EXPLAINS else []
+        if would:
+            radar.doubt("odd", f"at odds with ego motion ({share:.0%} of its detections fit): {', or '.join(would)}")
 
     def _compare_with_each_other(self, sweep: Sweep) -> None:
         """A radar is blind if it misses what it could have seen: few detections beside an open field are no fault."""
