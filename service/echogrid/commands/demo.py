@@ -93,7 +93,7 @@ def compare(recorder: Recorder, drive: Drive, truth: TrueMap, out: Path, on_prog
     for title, occupancy in maps:
         row, column, log_odds = occupancy.whole()
         panels.append(Panel(title, log_odds, (column * spec.cell, row * spec.cell)))
-    driven = np.array([(ego.odom_from_base.x, ego.odom_from_base.y) for ego in recorder.trajectory])
+    driven = recorder.way.arrays()[1][:, :2]
     panels.append(Panel("truth", truth.log_odds, truth.origin))
     side_by_side(panels, spec.cell, driven).save(out / "side_by_side.png")
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 import resource
 import time
-from bisect import bisect_right
+from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +18,12 @@ from echogrid.can.intake.frames import FrameBatch
 from echogrid.commands.state_log import StateLog
 from echogrid.core.kernels.dispatch import COMPILED, WHY
 from echogrid.core.mapper import MapUpdate
-from echogrid.core.motion.odometry import EgoState
+from echogrid.core.messages import Floats
+from echogrid.core.motion.way import Way
 from echogrid.files import named
 from echogrid.logs.drive import Truth
 from echogrid.maps.map_files import write_map
 from echogrid.pipeline import Pipeline
-
-TRAJECTORY_STEP_NS = 20_000_000
-_stamp_ns = attrgetter("stamp_ns")
 
 
 @dataclass(slots=True)
@@ -34,9 +31,9 @@ class Recorder:
     """Remembers what a summary needs: the trajectory in the newest map, the times of the cycles, the span of the log."""
 
     pipeline: Pipeline
-    trajectory: list[EgoState] = field(default_factory=list)
-    epoch: int = 0  # of the trajectory's map
-    cycle_s: list[float] = field(default_factory=list)
+    way: Way = field(default_factory=Way)
+    epoch: int = 0  # of the way's map
+    cycle_s: array[float] = field(default_factory=lambda: array("d"))
     first_s: float | None = None
     last_s: float = 0.0
     started: float = field(default_factory=time.perf_counter)
@@ -62,16 +59,11 @@ class Recorder:
         now = self.last_s - (self.first_s or 0.0)
         if mapper.epoch != self.epoch:
             self.epoch = mapper.epoch
-            self.trajectory.clear()
+            self.way.clear()
             self.states.new_map(now, mapper.watch.why_empty or "")
         if self.states.due(now):
             self.states.look(now, self.pipeline.state(0))
-        last_ns = self.trajectory[-1].stamp_ns if self.trajectory else None
-        states = mapper.odometry.states
-        for state in states if last_ns is None else states[bisect_right(states, last_ns, key=_stamp_ns) :]:
-            if last_ns is None or state.stamp_ns - last_ns >= TRAJECTORY_STEP_NS:
-                self.trajectory.append(state)
-                last_ns = state.stamp_ns
+        self.way.follow(mapper.odometry.states)
 
     def write(self, out: Path, truth: Truth | None, faults: Sequence[str] = (), notes: Sequence[str] = ()) -> dict[str, Any]:
         """Ends the last cycle and writes all files into a folder, which is made; returns the summary, with what the recording is like.
@@ -81,7 +73,7 @@ class Recorder:
         self.pipeline.mapper.end_cycle()
         out.mkdir(parents=True, exist_ok=True)
         with named(out):
-            digest, written = write_map(out, self.pipeline.mapper.map, self.trajectory) if self.pipeline.health.cycles else (None, [])
+            digest, written = write_map(out, self.pipeline.mapper.map, *self.way.arrays()) if self.pipeline.health.cycles else (None, [])
         if self.first_s is not None:
             self.states.look(self.last_s - self.first_s, self.pipeline.state(0))
         summary = self._summary(digest, "map.png" in written, truth) | {"faults": list(faults), "notes": list(notes)}
@@ -92,7 +84,7 @@ class Recorder:
 
     def _summary(self, digest: str | None, known: bool, truth: Truth | None) -> dict[str, Any]:
         health = self.pipeline.health
-        cycle_ms = np.array(self.cycle_s or [0.0]) * 1e3
+        cycle_ms = np.array(self.cycle_s or (0.0,)) * 1e3
         state = self.pipeline.state(0)
         summary: dict[str, Any] = {
             "model": self.pipeline.model.why,
@@ -128,15 +120,13 @@ class Recorder:
             "rss_mib": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),
             "map_sha256": digest,
         }
-        if truth is not None and self.trajectory:
-            summary["trajectory_rmse_m"] = round(rmse(self.trajectory, truth), 3)
+        if truth is not None and len(self.way):
+            summary["trajectory_rmse_m"] = round(rmse(*self.way.arrays(), truth), 3)
         return summary
 
 
-def rmse(trajectory: list[EgoState], truth: Truth) -> float:
-    """Root mean square distance (m) of dead reckoning from the true positions, both from the trajectory's first pose on."""
-    stamps = np.array([ego.stamp_ns for ego in trajectory])
-    ours = np.array([(ego.odom_from_base.x, ego.odom_from_base.y) for ego in trajectory])
+def rmse(stamps: NDArray[np.int64], poses: Floats, truth: Truth) -> float:
+    """Root mean square distance (m) of dead reckoning, (N,) ns and (N, 3), from the true positions, both from its first pose on."""
     inside = (stamps >= truth.stamp_ns[0]) & (stamps <= truth.stamp_ns[-1])
     if not inside.any():
         return float("nan")
@@ -144,11 +134,11 @@ def rmse(trajectory: list[EgoState], truth: Truth) -> float:
     seconds = (stamps[inside] - truth.stamp_ns[0]) * 1e-9
     true_seconds = (truth.stamp_ns - truth.stamp_ns[0]) * 1e-9
     x, y, yaw = (np.interp(seconds, true_seconds, truth.poses[:, axis]) for axis in range(3))
-    first = trajectory[int(np.flatnonzero(inside)[0])].odom_from_base
-    turn = first.yaw - yaw[0]
+    first_x, first_y, first_yaw = poses[inside][0]
+    turn = first_yaw - yaw[0]
     c, s = np.cos(turn), np.sin(turn)
-    true = np.stack((c * (x - x[0]) - s * (y - y[0]) + first.x, s * (x - x[0]) + c * (y - y[0]) + first.y), axis=1)
-    return float(np.sqrt(((ours[inside] - true) ** 2).sum(axis=1).mean()))
+    true = np.stack((c * (x - x[0]) - s * (y - y[0]) + first_x, s * (x - x[0]) + c * (y - y[0]) + first_y), axis=1)
+    return float(np.sqrt(((poses[inside, :2] - true) ** 2).sum(axis=1).mean()))
 
 
 def report(summary: dict[str, Any], out: Path, *, as_json: bool = False) -> None:
