@@ -1,5 +1,5 @@
 #!/bin/sh
-# mcap-ros2idl-support raises at the bounds in a ROS 2 definition, float64[<=3] or string<=8: no message of that channel can be read.
+# mcap-ros2idl-support raises at the bounds in a ROS 2 definition, float64[<=3] or string<=8, and at arrays of byte or char: it reads no such message.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
@@ -18,6 +18,8 @@ from mcap_ros2idl_support import Ros2DecodeFactory
 messages = {
     "uint8 type\nfloat64[<=3] dimensions\n": {"type": 1, "dimensions": [1.0, 2.0, 3.0]},
     "string<=8 name\n": {"name": "front"},
+    "byte[] raw\n": {"raw": [1, 2]},
+    "char[2] raw\n": {"raw": [1, 2]},
     "uint8 type\nfloat64[] dimensions\nfloat64[3] size\nstring name\n": {"type": 1, "dimensions": [1.0], "size": [1.0, 2.0, 3.0], "name": "front"},
 }
 for definition, message in messages.items():
@@ -34,8 +36,10 @@ for definition, message in messages.items():
             except ValueError as error:
                 seen[name] = f"ValueError: {error}"
     print(f"{definition.split()}: " + "; ".join(f"{name} {version(name)}: {found}" for name, found in seen.items()))
-    assert seen["mcap-ros2-support"] == message
-    if "<=" in definition:
+    assert seen["mcap-ros2-support"] == message or list(seen["mcap-ros2-support"]["raw"]) == message["raw"]
+    if "raw" in definition:
+        assert seen["mcap-ros2idl-support"] == f"ValueError: Unrecognized primitive type {definition[:4]}"
+    elif "<=" in definition:
         assert seen["mcap-ros2idl-support"].startswith("ValueError: Expected 1 top level type definition for '")
     else:
         assert {field: list(found) if isinstance(found, (list, tuple)) else found for field, found in seen["mcap-ros2idl-support"].items()} == message
