@@ -422,7 +422,7 @@ def test_every_loop_is_compared() -> None:
         ("note_views", 13, np.zeros((1, SIDE, SIDE), np.uint16)),
         ("bilinear", 3, 30),
         ("look", 12, np.zeros(7, np.float32)),
-        *(("common_motion", place, np.full(12, number)) for place in (5, 6) for number in (-1, 5)),
+        *(("common_motion", 6, np.full((2, 12), share)) for share in (-0.1, 1.0, np.nan)),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(name: str, place: int, wrong: np.ndarray) -> None:
