@@ -211,7 +211,7 @@ def test_objects_stepped_over_at_once_are_as_one_by_one(
     assert at_once[1:] == one_by_one[1:]
 
 
-HAVE_FD = ("a.log", "a.asc", "r.asc", "v21.trc")
+HAVE_FD = ("a.log", "a.asc", "r.asc", "v20.trc", "v21.trc")
 
 
 def test_an_object_of_more_than_64_kib_is_stepped_over(folder: Path) -> None:
@@ -224,7 +224,7 @@ def test_an_object_of_more_than_64_kib_is_stepped_over(folder: Path) -> None:
     assert len(at_once[0]) == 2
 
 
-@pytest.mark.parametrize("name", ["a.log", "a.asc", "r.asc", "v11.trc", "v21.trc", "p.csv"])
+@pytest.mark.parametrize("name", ["a.log", "a.asc", "r.asc", "v11.trc", "v20.trc", "v21.trc", "p.csv"])
 def test_the_loops_take_the_lines_that_files_are_made_of(folder: Path, name: str) -> None:
     """Else all is right and slow."""
     shapes = [(n % 2, n % 3 == 0, n % 4 < 2 and name in HAVE_FD, n % 5 > 0) for n in range(50)]

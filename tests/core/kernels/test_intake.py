@@ -64,8 +64,9 @@ def assembling(random: Random, size: int) -> list[Any]:
     rules += [(1, 0, 2, -1, 40, 1, third, -1, -1, 1, 3, 0, -1, 0, 0), (1, 0, 1, -1, 40, 1, -1, -1, -1, 99, 3, 0, -1, 0, 0)]
     byte, none = [[place, 1, 0, 8, 0] for place in range(3)], [0, 1, 0, 0, 0]
     motorola = [1, -1, 4, 4, 1]
+    cycle = [0, 1, 0, int(random.choice([1, 8, 8])), 0]
     fields = [
-        [byte[0], byte[0], byte[1], [2, -1, 0, 16, 0], byte[2], none],
+        [cycle, cycle, byte[1], [2, -1, 0, 16, 0], byte[2], none],
         [byte[0], [0, 1, 0, bits, 0], none, byte[0], byte[2], motorola],
     ]
     fields += [[none] * 6] * 2
