@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from echogrid.can.intake.frames import FrameBatch
 from echogrid.commands.state_log import StateLog
 from echogrid.core.kernels.dispatch import COMPILED, WHY
+from echogrid.core.map.tile import SIDE
 from echogrid.core.mapper import MapUpdate
 from echogrid.core.messages import Floats
 from echogrid.core.motion.way import Way
 from echogrid.files import named
 from echogrid.logs.drive import Truth
-from echogrid.maps.map_files import write_map
+from echogrid.maps.map_files import FILES, too_wide, write_map
 from echogrid.pipeline import Pipeline
 
 
@@ -33,6 +34,7 @@ class Recorder:
     pipeline: Pipeline
     way: Way = field(default_factory=Way)
     epoch: int = 0  # of the way's map
+    left: int = 0  # tiles that the maps before it had no room for
     cycle_s: array[float] = field(default_factory=lambda: array("d"))
     first_s: float | None = None
     last_s: float = 0.0
@@ -59,6 +61,7 @@ class Recorder:
         now = self.last_s - (self.first_s or 0.0)
         if mapper.epoch != self.epoch:
             self.epoch = mapper.epoch
+            self.left = mapper.map.forgotten
             self.way.clear()
             self.states.new_map(now, mapper.watch.why_empty or "")
         if self.states.due(now):
@@ -72,15 +75,28 @@ class Recorder:
         """
         self.pipeline.mapper.end_cycle()
         out.mkdir(parents=True, exist_ok=True)
+        occupancy = self.pipeline.mapper.map
         with named(out):
-            digest, written = write_map(out, self.pipeline.mapper.map, *self.way.arrays()) if self.pipeline.health.cycles else (None, [])
+            digest, written = write_map(out, occupancy, *self.way.arrays()) if self.pipeline.health.cycles else (None, [])
+        wide = too_wide(occupancy)
+        faults, notes = [*faults, *([] if wide is None else [wide])], [*notes, *self._forgotten()]
         if self.first_s is not None:
             self.states.look(self.last_s - self.first_s, self.pipeline.state(0))
-        summary = self._summary(digest, "map.png" in written, truth) | {"faults": list(faults), "notes": list(notes)}
+        known = "map.png" in written or wide is not None
+        summary = self._summary(digest, known, truth) | {"faults": faults, "notes": notes}
         summary["files"] = sorted([*written, "summary.json"])
         with named(out):
+            for name in set(FILES) - set(written):
+                (out / name).unlink(missing_ok=True)  # of an earlier run: it is not this drive's
             (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
         return summary
+
+    def _forgotten(self) -> list[str]:
+        """What the map lacks."""
+        occupancy = self.pipeline.mapper.map
+        lost, side = occupancy.forgotten - self.left, SIDE * occupancy.spec.cell
+        what = f"{lost} tiles of {side:g} x {side:g} m, those longest out of view, are not in the map: there was no room for more than"
+        return [f"{what} {occupancy.max_tiles} in memory (map.max_tiles, map.max_mib); --store FILE.egmap keeps all"] if lost else []
 
     def _summary(self, digest: str | None, known: bool, truth: Truth | None) -> dict[str, Any]:
         health = self.pipeline.health

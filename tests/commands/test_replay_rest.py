@@ -1,0 +1,70 @@
+"""What a replay says of a map that is not all there: no room in memory, no room in one rectangle, files of an earlier drive."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from tests.support import world
+
+from echogrid.commands.replay import replay, reported
+from echogrid.errors import EchogridError, NoMapError
+from echogrid.logs.drive import find_drive
+from echogrid.maps import map_files
+from echogrid.maps.export import export
+
+SMALL = "\n[grid]\ncell = 0.1171875\n[map]\nmax_tiles = 16\n[publish]\nwindow_cells = 64\n"
+
+
+@pytest.fixture(scope="module")
+def motorway(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """180 m straight on between posts, with room for less of it."""
+    posts = world.standing([(x * 1.5, side * 5.0) for x in range(-10, 140) for side in (-1, 1)])
+    messages = world.record(lambda at: (30.0 * at, 0.0, 0.0), [posts], 6.0)
+    return world.write_drive(tmp_path_factory.mktemp("motorway"), messages, world.CONFIG + SMALL)
+
+
+def test_what_had_no_room_in_memory_is_said_and_a_store_has_it(motorway: Path, tmp_path: Path) -> None:
+    drive = find_drive(motorway, None)
+    short = replay(drive, tmp_path / "short")
+    (note,) = [note for note in short["notes"] if "not in the map" in note]
+    assert note.endswith("more than 16 in memory (map.max_tiles, map.max_mib); --store FILE.egmap keeps all")
+    kept = replay(drive, tmp_path / "kept", store=tmp_path / "all.egmap")
+    assert not [note for note in kept["notes"] if "not in the map" in note]
+    assert kept["map_sha256"] != short["map_sha256"]
+    begins = [
+        float((folder / "map.yaml").read_text().split("origin: [")[1].split(",")[0]) for folder in (tmp_path / "short", tmp_path / "kept")
+    ]
+    assert begins[0] > begins[1] + 15.0  # m: its begin is missing
+
+
+def test_a_map_beyond_one_rectangle_is_not_written_which_is_no_success(
+    motorway: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And nothing of an earlier drive is left in its place; what else there is, stays."""
+    drive, out = find_drive(motorway, None), tmp_path / "out"
+    replay(drive, out)
+    (out / "mine.txt").touch()
+    monkeypatch.setattr(map_files, "MOST_CELLS", 1 << 14)
+    summary = replay(drive, out, store=tmp_path / "all.egmap")
+    assert {path.name for path in out.iterdir()} == {"summary.json", "trajectory.csv", "mine.txt"}
+    assert summary["files"] == ["summary.json", "trajectory.csv"]
+    assert summary["map_sha256"] is None
+    assert summary["not_to_be_trusted"] is None
+    with pytest.raises(EchogridError, match=r"the map reaches over 0\.2 x 0\.0 km, more than .*--store FILE.egmap keeps it"):
+        reported(summary, drive, out, as_json=True)
+    assert json.loads(capsys.readouterr().out)["faults"] == summary["faults"]
+    export(tmp_path / "all.egmap", tmp_path / "part.png", box=(0.0, -10.0, 20.0, 10.0))
+
+
+def test_a_drive_without_a_map_leaves_no_map_of_an_earlier_one(motorway: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    replay(find_drive(motorway, None), out)
+    assert (out / "map.png").is_file()
+    frames = (motorway / "can.log").read_text().splitlines(keepends=True)
+    only_motion = tmp_path / "motion.log"
+    only_motion.write_text("".join(frame for frame in frames if " 10" in frame))
+    with pytest.raises(NoMapError):
+        replay(find_drive(only_motion, motorway / "echogrid.toml"), out)
+    assert {path.name for path in out.iterdir()} == {"summary.json"}
