@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 import pytest
 from tests.support import world
+from tests.support.ports import free_port
 from tests.support.waiting import PATIENCE, until
 
 from echogrid.can.intake.frames import FrameBatch
@@ -93,7 +94,8 @@ def test_a_service_with_sixteen_tiles_keeps_the_map_of_the_log_bit_for_bit(drive
     """Over a bus, with a thread that flushes meanwhile."""
     small = with_tiles(drive, tmp_path, 16)
     config = on_virtual_buses(load_config(small.config))
-    config = msgspec.structs.replace(config, store=Store(path=str(tmp_path / "a.egmap"), flush_s=0.1))
+    publish = msgspec.structs.replace(config.publish, listen=(f"tcp/127.0.0.1:{free_port()}",))
+    config = msgspec.structs.replace(config, store=Store(path=str(tmp_path / "a.egmap"), flush_s=0.1), publish=publish)
     service = Service(Pipeline(config, small.config))
     roomy = Pipeline(load_config(drive.config), drive.config)
     sent = list(Log(drive.log))
