@@ -101,6 +101,8 @@ def _problems(config: Config) -> Iterator[str]:
     file = config.metrics.file
     if file is not None and not (file.startswith("/") and file.endswith(".prom")):
         yield f"metrics.file: '{file}' found, expected an absolute path that ends in .prom, as node_exporter reads no other"
+    if config.store.path is not None and Path(config.store.path).is_dir():
+        yield f"store.path: {config.store.path} is a folder, expected the name of a file in it, such as map.egmap"
     body = config.body
     for index, radar in enumerate(config.radar):
         if radar.bus not in buses:

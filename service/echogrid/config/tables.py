@@ -18,6 +18,7 @@ from echogrid.core.radar.static_gate import GateNoise
 
 Positive = Annotated[float, Meta(ge=1e-6, le=1e6)]  # wide enough for whatever unit, and nothing overflows
 NotNegative = Annotated[float, Meta(ge=0, le=1e6)]
+Bitrate = Annotated[int, Meta(ge=1000, le=100_000_000)]  # bit/s
 Latency = Annotated[float, Meta(ge=-1000, le=1000)]
 Latitude = Annotated[float, Meta(ge=-90, le=90)]  # degrees
 Longitude = Annotated[float, Meta(ge=-180, le=180)]
@@ -41,8 +42,8 @@ class Bus(Table, frozen=True):
     interface: str = "socketcan"
     channel: str = "can0"
     fd: bool = True
-    bitrate: int | None = None
-    data_bitrate: int | None = None
+    bitrate: Bitrate | None = None
+    data_bitrate: Bitrate | None = None
     receive_buffer_kib: Annotated[int, Meta(ge=4, le=65536)] = (
         200  # of the kernel, SocketCAN only; net.core.rmem_max is 208 KiB unless raised
     )

@@ -37,6 +37,9 @@ def load(path: Path, kind: type[T]) -> T:
         raise EchogridError(f"{path}: tables or arrays are nested too deeply") from error
     except ValueError as error:  # TOMLDecodeError, and what Python says of endless numbers
         raise EchogridError(f"{path}: is not valid TOML: {error}{_other(path)}") from error
+    nul = _nul(document)
+    if nul is not None:
+        raise EchogridError(f"{path}: {nul}: a text with \\u0000 found, which no name can have")
     try:
         return msgspec.convert(document, kind)
     except msgspec.ValidationError as error:
@@ -54,6 +57,15 @@ def _finite(text: str) -> float:
     if not math.isfinite(number):
         raise ValueError(f"'{text}' is not a finite number")
     return number
+
+
+def _nul(document: object, at: str = "") -> str | None:
+    """Where in it a text with a NUL is, at which whatever opens files or channels would stumble; None where there is none."""
+    if isinstance(document, str):
+        return at if "\0" in document else None
+    inside = document.items() if isinstance(document, dict) else enumerate(document) if isinstance(document, list) else ()
+    places = (_nul(one, f"{at}[{key}]" if isinstance(document, list) else f"{at}.{key}".removeprefix(".")) for key, one in inside)
+    return next((place for place in places if place is not None), None)
 
 
 def _sentence(message: str, kind: type, document: object) -> str:

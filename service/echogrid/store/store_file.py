@@ -76,10 +76,12 @@ def sqlite_errors(path: Path) -> Iterator[None]:
         code = getattr(error, "sqlite_errorcode", 0) & 0xFF
         if code == sqlite3.SQLITE_NOTADB:
             raise ForeignFileError(_foreign(path, "it is not an SQLite file")) from error
-        state = STATE_OF_ERROR.get(code, "failed")
-        if code == sqlite3.SQLITE_CANTOPEN and not os.access(path.absolute().parent, os.W_OK):
+        state, folder, why = STATE_OF_ERROR.get(code, "failed"), path.absolute().parent, str(error)
+        if code == sqlite3.SQLITE_CANTOPEN and not folder.is_dir():
+            why = f"there is no folder {folder}"
+        elif code == sqlite3.SQLITE_CANTOPEN and not os.access(folder, os.W_OK):
             state = "read-only"
-        raise StoreError(f"{path}: {error}", state) from error
+        raise StoreError(f"{path}: {why}", state) from error
     except UnicodeDecodeError as error:  # of a name in the schema, or of what SQLite says of it
         raise StoreError(f"{path}: a text in it is not UTF-8") from error
 
