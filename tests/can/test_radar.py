@@ -262,6 +262,8 @@ def test_no_number_in_a_float_signal_is_an_invalid_detection(tmp_path: Path) -> 
         (('page = "Page"', 'paeg = "Page"'), "unknown key 'paeg'; did you mean 'page'?"),
         (("per_frame = 8", "per_frame = 9"), "has no signal 'Range_9'"),
         (('signal = "Range_{k}"', 'signal = "Range_{x}"'), "'Range_{x}' is not a name"),
+        (('cycle = "CycleCounter"', 'cycle = ""'), "header.cycle: an empty text found, expected a name"),
+        (("max_detections = 64", "max_detections = 99999999999999999999"), "max_detections: 99999999999999999999 found, expected"),
         (('count = ["DetectionCount"]', ""), "needs header.count or frames"),
         (('azimuth = { signal = "Azimuth_{k}", unit = "rad" }', ""), "needs either range and azimuth, or x and y"),
     ],

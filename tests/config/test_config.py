@@ -107,9 +107,10 @@ def test_the_smallest_configuration_drives(tmp_path: Path) -> None:
         (("yaw_deg = 45.0", 'yaw_deg = 45.0\ndbc = "none.dbc"'), "none.dbc: cannot be read: No such file"),
         (('name = "front_left"', 'name = "front_left'), "is not valid TOML"),
         (('model = "analytic"', 'model = "best"'), "model: 'best' found, expected analytic, default, paper, or the path of an .onnx file"),
-        (('vehicle = "test"', 'store.path = ""'), "is a folder, expected the name of a file in it, such as map.egmap"),
+        (('vehicle = "test"', 'store.path = ""'), "store.path: an empty text found, expected a name"),
+        (('vehicle = "test"', 'publish.listen = ["tcp/127.0.0.1:1", ""]'), "publish.listen[1]: an empty text found, expected a name"),
         (('vehicle = "test"', 'store.path = ".."'), "is a folder, expected the name of a file in it, such as map.egmap"),
-        (('vehicle = "test"', r'store.path = "a\u0000.egmap"'), "store.path: a text with \\u0000 found, which no name can have"),
+        (('vehicle = "test"', r'store.path = "a\u0000.egmap"'), "store.path: a text with \\u0000 found, expected a name"),
         (
             ("yaw_deg = 45.0", r'yaw_deg = 45.0\nprofile = "\u0000.toml"'.replace(r"\n", "\n")),
             "radar[0].profile: a text with \\u0000 found",

@@ -159,7 +159,7 @@ class RadarProfile(Table, frozen=True, tag_field="kind", tag="radar"):
     timeout_ms: Milliseconds = 100.0
     latency_ms: Milliseconds = 0.0
     ambiguity_interval: Annotated[float, Meta(ge=0, le=1000)] = 0.0  # m/s, for sensors that do not report theirs; 0: unambiguous
-    max_detections: Annotated[int, Meta(ge=1)] = 64
+    max_detections: Annotated[int, Meta(ge=1, le=65536)] = 64
 
     def __post_init__(self) -> None:
         if self.header is None and (self.ends_with is None or self.frames is None):

@@ -37,9 +37,9 @@ def load(path: Path, kind: type[T]) -> T:
         raise EchogridError(f"{path}: tables or arrays are nested too deeply") from error
     except ValueError as error:  # TOMLDecodeError, and what Python says of endless numbers
         raise EchogridError(f"{path}: is not valid TOML: {error}{_other(path)}") from error
-    nul = _nul(document)
-    if nul is not None:
-        raise EchogridError(f"{path}: {nul}: a text with \\u0000 found, which no name can have")
+    nameless = _nameless(document)
+    if nameless is not None:
+        raise EchogridError(f"{path}: {nameless}")
     try:
         return msgspec.convert(document, kind)
     except msgspec.ValidationError as error:
@@ -59,13 +59,14 @@ def _finite(text: str) -> float:
     return number
 
 
-def _nul(document: object, at: str = "") -> str | None:
-    """Where in it a text with a NUL is, at which whatever opens files or channels would stumble; None where there is none."""
+def _nameless(document: object, at: str = "") -> str | None:
+    """What to say of a text that is empty, which would be taken for none, or has a NUL, which no file and no channel has."""
     if isinstance(document, str):
-        return at if "\0" in document else None
+        what = "a text with \\u0000" if "\0" in document else None if document else "an empty text"
+        return what and f"{at}: {what} found, expected a name"
     inside = document.items() if isinstance(document, dict) else enumerate(document) if isinstance(document, list) else ()
-    places = (_nul(one, f"{at}[{key}]" if isinstance(document, list) else f"{at}.{key}".removeprefix(".")) for key, one in inside)
-    return next((place for place in places if place is not None), None)
+    said = (_nameless(one, f"{at}[{key}]" if isinstance(document, list) else f"{at}.{key}".removeprefix(".")) for key, one in inside)
+    return next((one for one in said if one is not None), None)
 
 
 def _sentence(message: str, kind: type, document: object) -> str:
