@@ -22,6 +22,7 @@ from echogrid.core.motion.odometry import EgoState
 from echogrid.core.motion.se2 import SE2
 from echogrid.core.trust.watch import State
 from echogrid.live.mapping import MOST_LAG, Mapping
+from echogrid.live.pace import Pace
 
 
 def test_a_map_that_is_more_than_a_second_behind_the_buses_is_stale() -> None:
@@ -31,7 +32,7 @@ def test_a_map_that_is_more_than_a_second_behind_the_buses_is_stale() -> None:
     pipeline = SimpleNamespace(
         config=SimpleNamespace(publish=Publish()),
         mapper=None,
-        signals=SimpleNamespace(number=lambda bus: 0),
+        signals=SimpleNamespace(number=lambda bus: 0, newest_ns=None),
         state=lambda silence_ns: State("degraded", ("radar x: silent",)),
     )
     states: list[State] = []
@@ -40,7 +41,7 @@ def test_a_map_that_is_more_than_a_second_behind_the_buses_is_stale() -> None:
         time.sleep(seconds.pop(0))
         yield from ()
 
-    mapping = Mapping(pipeline, take, queue)  # type: ignore[arg-type]
+    mapping = Mapping(pipeline, take, queue, Pace())  # type: ignore[arg-type]
     thread = threading.Thread(target=mapping.run, args=(stop,))
     thread.start()
     for left in (1, 0):
@@ -64,14 +65,15 @@ def test_the_newest_map_goes_out_though_nobody_listened(comes: bool) -> None:
     """To who comes, at once; for who comes later, when nothing newer does."""
     queue, stop = FrameQueue(64, lambda bus, batch: np.zeros(len(batch), bool)), threading.Event()
     mapper = SimpleNamespace(map=OccupancyMap(GridSpec(16, 0.25)), epoch=0, certainty=lambda ego: None)
-    pipeline = SimpleNamespace(config=SimpleNamespace(publish=Publish()), mapper=mapper, signals=SimpleNamespace(number=lambda bus: 0))
+    signals = SimpleNamespace(number=lambda bus: 0, newest_ns=None)
+    pipeline = SimpleNamespace(config=SimpleNamespace(publish=Publish()), mapper=mapper, signals=signals)
     updates = [MapUpdate(EgoState(50_000_000 * n, SE2(0.0, 0.0, 0.0), 0.0, 0.0), np.zeros((0, 2))) for n in range(5)]
     left = list(updates)
 
     def take(batch: FrameBatch, buses: NDArray[np.int64]) -> Iterator[tuple[int, MapUpdate | None]]:
         yield 1, left.pop(0) if left else None
 
-    mapping, told, listening = Mapping(pipeline, take, queue), list[MapUpdate](), threading.Event()  # type: ignore[arg-type]
+    mapping, told, listening = Mapping(pipeline, take, queue, Pace()), list[MapUpdate](), threading.Event()  # type: ignore[arg-type]
     mapping.listened = listening.is_set
     thread = threading.Thread(target=mapping.run, args=(stop,))
     thread.start()
@@ -85,3 +87,21 @@ def test_the_newest_map_goes_out_though_nobody_listened(comes: bool) -> None:
     stop.set()
     thread.join()
     assert told == [updates[0], updates[-1]]
+
+
+def test_what_several_buses_had_at_one_time_is_mapped_in_the_order_of_its_times() -> None:
+    """As a recording of them has it, whichever was read first."""
+    queue, stop = FrameQueue(64, lambda bus, batch: np.zeros(len(batch), bool)), threading.Event()
+    signals = SimpleNamespace(number=["radars", "chassis"].index, newest_ns=None)
+    pipeline = SimpleNamespace(config=SimpleNamespace(publish=Publish()), mapper=None, signals=signals)
+    taken: list[tuple[list[float], list[int]]] = []
+
+    def take(batch: FrameBatch, buses: NDArray[np.int64]) -> Iterator[tuple[int, MapUpdate | None]]:
+        taken.append((batch.stamps.tolist(), buses.tolist()))
+        stop.set()
+        yield from ()
+
+    for bus, stamps in (("radars", (1.0, 3.0)), ("chassis", (0.5, 2.0, 3.5))):
+        queue.put(bus, FrameBatch.of([can.Message(timestamp=stamp, channel=bus) for stamp in stamps]))
+    Mapping(pipeline, take, queue, Pace()).run(stop)  # type: ignore[arg-type]
+    assert taken == [([0.5, 1.0, 2.0, 3.0, 3.5], [1, 0, 1, 0, 1])]

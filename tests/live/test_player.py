@@ -11,6 +11,7 @@ from typing import Any, cast
 import can
 
 from echogrid.config.tables import Bus
+from echogrid.live.pace import Pace
 from echogrid.live.player import APART, Player
 from echogrid.live.service import Service
 from echogrid.logs.log import Log
@@ -24,7 +25,8 @@ def test_a_bus_that_is_read_slowly_is_not_left_behind(tmp_path: Path) -> None:
     health = SimpleNamespace(frames=0)
     pipeline = SimpleNamespace(signals=SimpleNamespace(readers={(name, (0x100, False)) for name in names}), health=health)
     config = SimpleNamespace(bus=tuple(Bus(name=name, channel=name, interface="virtual") for name in names))
-    service: Any = SimpleNamespace(live=threading.Event(), config=config, pipeline=pipeline)
+    receiving = SimpleNamespace(pace=Pace())
+    service: Any = SimpleNamespace(live=threading.Event(), config=config, pipeline=pipeline, receiving=receiving)
     came, stop = list[float](), threading.Event()
 
     def receive(bus: can.BusABC, pause: float) -> None:

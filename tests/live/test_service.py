@@ -23,14 +23,17 @@ from tests.support.places import DEMO
 from tests.support.waiting import PATIENCE, until
 
 from echogrid import __main__ as program
+from echogrid.can.intake.frames import FrameBatch
 from echogrid.client import Client
 from echogrid.commands.demo import demo
 from echogrid.commands.replay import replay
 from echogrid.config.loading import load_config
 from echogrid.errors import EchogridError
 from echogrid.live import publishing
+from echogrid.live.player import Player, on_virtual_buses
 from echogrid.live.service import Service
 from echogrid.logs.drive import find_drive
+from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
 from echogrid.topics.topic import META
 from echogrid.zenoh.publisher import key, session_config
@@ -47,6 +50,32 @@ def test_through_a_virtual_bus_the_map_is_that_of_the_file(tmp_path: Path) -> No
         assert min(sheet.size) > 400
     with np.load(tmp_path / "bus" / "map.npz") as file:
         assert (file["log_odds"] > 1).sum() > 1000
+
+
+def test_at_its_own_pace_few_looks_at_the_bus_give_the_map_of_the_file(tmp_path: Path, port: int) -> None:
+    """However slow the machine is: then a look finds more."""
+    wall = world.standing([(x * 0.3, 6.0) for x in range(-20, 60)])
+    publish = f'\n[publish]\nlisten = ["tcp/127.0.0.1:{port}"]\n'
+    drive = world.write_drive(tmp_path, world.record(world.straight(5.0), [wall], 4.0), world.CONFIG + publish)
+    path = drive / "echogrid.toml"
+    config = on_virtual_buses(load_config(path, "analytic"))
+    service, file = Service(Pipeline(config, path)), Pipeline(config, path)
+    looks, put = list[int](), service.receiving.queue.put
+
+    def noted(bus: str, batch: FrameBatch) -> None:
+        looks.append(len(batch))
+        put(bus, batch)
+
+    service.receiving.queue.put = noted  # type: ignore[method-assign]
+    player = Player(service, Log(drive / "can.log"), speed=1.0)
+    service.workers.add("player", player.run)
+    service.run()
+    cycles = sum(1 for _ in file.updates(Log(drive / "can.log").batches()))
+    assert service.pipeline.health.cycles == cycles > 70
+    for live, kept in zip(service.pipeline.mapper.map.whole(), file.mapper.map.whole(), strict=True):
+        np.testing.assert_array_equal(live, kept)
+    assert sum(looks) == player.sent
+    assert len(looks) < 4 * cycles
 
 
 def test_nothing_in_the_service_imports_torch_or_the_training_package() -> None:

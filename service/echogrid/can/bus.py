@@ -7,6 +7,7 @@ import select
 import socket
 import struct
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +24,7 @@ from echogrid.errors import EchogridError
 
 log = logging.getLogger("echogrid")
 
-GATHER = 0.003  # s
+GATHER = 0.0005  # s
 MOST = 512  # frames that are received at once
 FIRST_PAUSE, LONGEST_PAUSE = 0.25, 4.0  # s between attempts to open a lost bus
 # linux/sock_diag.h: SO_MEMINFO's ninth number is what the kernel threw away because the buffer was full, as SO_RXQ_OVFL reports it.
@@ -58,8 +59,8 @@ class LiveBus:
         self._retry_at = 0.0  # time.monotonic()
         self.health.up = True
 
-    def receive(self, timeout: float) -> FrameBatch | None:
-        """The next data frames: the first that comes, and those of the next GATHER seconds, which cost little more than one.
+    def receive(self, timeout: float, gather: Callable[[], None] = lambda: time.sleep(GATHER)) -> FrameBatch | None:
+        """The next data frames: the first that comes, and those that come while `gather` waits, which cost little more than one.
 
         None after `timeout` seconds without any, where there are error frames alone, and while the bus is away.
         """
@@ -67,7 +68,7 @@ class LiveBus:
             return None
         assert self._opened is not None
         try:
-            batch = self._received(self._opened, timeout)
+            batch = self._received(self._opened, timeout, gather)
         except (can.CanError, OSError) as error:
             self._lose(error)
             return None
@@ -84,17 +85,17 @@ class LiveBus:
             batch = batch.where(~failed)
         return batch if len(batch) else None
 
-    def _received(self, opened: can.BusABC, timeout: float) -> FrameBatch | None:
+    def _received(self, opened: can.BusABC, timeout: float, gather: Callable[[], None]) -> FrameBatch | None:
         """All frames of one look, whose channel is that of a log: not every interface says it, and a recording is to be one."""
         if isinstance(opened, SocketcanBus):
             if not select.select([opened.socket], [], [], timeout)[0]:
                 return None
-            time.sleep(GATHER)
+            gather()
             return socketcan.receive(opened.socket, MOST, self.bus.logged_as)
         messages: list[can.Message] = []
         message = opened.recv(timeout)
         if message is not None:
-            time.sleep(GATHER)
+            gather()
         while message is not None:
             message.channel = self.bus.logged_as
             messages.append(message)

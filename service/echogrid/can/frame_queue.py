@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from echogrid.can.intake.frames import FrameBatch
 
-Item = tuple[str, FrameBatch, float]  # bus, frames, time.monotonic() when the first came
+Item = tuple[str, FrameBatch, float]  # bus, frames, time.monotonic() when they were put
 
 
 class FrameQueue:
@@ -36,12 +36,12 @@ class FrameQueue:
     def __len__(self) -> int:
         return self._frames
 
-    def put(self, bus: str, batch: FrameBatch, waited: float = 0.0) -> None:
-        """Never waits. `waited`: s since the first of them came."""
+    def put(self, bus: str, batch: FrameBatch) -> None:
+        """Never waits."""
         with self._filled:
             if self._frames >= self._room_at:
                 self._make_room()
-            self._items.append((bus, batch, time.monotonic() - waited))
+            self._items.append((bus, batch, time.monotonic()))
             self._frames += len(batch)
             self._filled.notify()
 

@@ -12,16 +12,19 @@ import can
 import numpy as np
 from numpy.typing import NDArray
 
-from echogrid.can.frame_queue import FrameQueue
+from echogrid.can.bus import MOST
+from echogrid.can.frame_queue import FrameQueue, Item
 from echogrid.can.intake.frames import FrameBatch
 from echogrid.config.tables import Publish
 from echogrid.core.mapper import MapUpdate
 from echogrid.core.messages import PoseFix
 from echogrid.core.trust.watch import State
+from echogrid.live.pace import Pace
 from echogrid.pipeline import Pipeline
 from echogrid.threads import WAIT
 from echogrid.topics.announcer import Snapshot, Snapshots
 
+NS = 1e-9
 MOST_LAG = 1.0  # s behind the buses, beyond which the newest map is old
 ASKS = 0.05  # s: to ask all topics whether somebody takes them costs as much as a look at the bus
 LATENCIES = 512  # of the newest map updates
@@ -32,11 +35,11 @@ Take = Callable[[FrameBatch, NDArray[np.int64]], Iterator[tuple[int, MapUpdate |
 class Mapping:
     """Remembers how long frames waited and when the map was changed last. One thread runs `run`; any may ask.
 
-    `take` takes frames to the pipeline. `settings` may be exchanged while it runs, `poses` (what came over Zenoh) and `listened` (whether
-    anybody takes the map now) before.
+    `take` takes frames to the pipeline; `pace` is told when the buses are to be looked at again. `settings` may be exchanged while it runs,
+    `poses` (what came over Zenoh) and `listened` (whether anybody takes the map now) before.
     """
 
-    def __init__(self, pipeline: Pipeline, take: Take, queue: FrameQueue) -> None:
+    def __init__(self, pipeline: Pipeline, take: Take, queue: FrameQueue, pace: Pace) -> None:
         self.pipeline = pipeline
         self.settings: Publish = pipeline.config.publish
         self.lock = threading.Lock()  # held by the mapping while it changes the map, by others for one tile's copy at a time
@@ -45,11 +48,13 @@ class Mapping:
         self.listened: Callable[[], bool] = lambda: True
         self._take = take
         self._queue = queue
+        self._pace = pace
         self._snapshots = Snapshots()
         self._mapped_at = time.monotonic()  # when the newest frame was processed: a lag is latency, not silence
         self._lag = 0.0  # s, from that frame's receipt to then
         self._looped_at = time.monotonic()  # when the mapping loop last ran
-        self._asked_at = self._looped_at  # and when it last looked whether somebody has come
+        self._asked_at = -ASKS  # when it last asked whether anybody listens
+        self._heard = False  # and what it was told
         self._latencies: deque[float] = deque(maxlen=LATENCIES)  # s, from a frame's receipt to the map update that it ended
 
     def run(self, stop: threading.Event, tap: Callable[[str, can.Message], None] | None = None) -> None:
@@ -60,29 +65,53 @@ class Mapping:
             self._catch_up(idle=item is None)
             if item is None:
                 continue
-            bus, batch, received_at = item
+            items = self._look(item)
             if tap is not None:
-                for message in batch:
-                    tap(bus, message)
-            steps = self._take(batch, np.full(len(batch), self.pipeline.signals.number(bus)))
-            while self._step(steps, received_at):
+                for bus, batch, _ in items:
+                    for message in batch:
+                        tap(bus, message)
+            batch, buses = self._together(items)
+            steps = self._take(batch, buses)
+            while self._step(steps, batch, items):
                 pass
+            newest_ns = self.pipeline.signals.newest_ns
+            if newest_ns is not None:
+                self._pace.resume(newest_ns * NS, items[-1][2], self.pipeline.mapper.gathering.expected_ns * NS)
 
-    def _step(self, steps: Iterator[tuple[int, MapUpdate | None]], received_at: float) -> bool:
+    def _look(self, item: Item) -> list[Item]:
+        """What all buses had at one time, and what waited behind it, if that is not much."""
+        self._pace.settle()
+        items, size = [item], len(item[1])
+        while size < MOST and (more := self._queue.get(timeout=0.0)) is not None:
+            items.append(more)
+            size += len(more[1])
+        return items
+
+    def _together(self, items: list[Item]) -> tuple[FrameBatch, NDArray[np.int64]]:
+        """All frames (N,) and their buses (N,); those of several buses in the order of their times."""
+        batch = FrameBatch.joined([batch for _, batch, _ in items])
+        numbers = [self.pipeline.signals.number(bus) for bus, _, _ in items]
+        buses = np.repeat(numbers, [len(batch) for _, batch, _ in items])
+        if len(set(numbers)) == 1:
+            return batch, buses
+        order = np.argsort(batch.stamps, kind="stable")
+        return batch.where(order), buses[order]
+
+    def _step(self, steps: Iterator[tuple[int, MapUpdate | None]], batch: FrameBatch, items: list[Item]) -> bool:
         """Maps up to the end of a cycle; whether it was not the last one."""
         with self.lock:
             for fix in self.poses():
                 self.pipeline.mapper.on_pose(fix)
             step = next(steps, None)
             self._mapped_at = time.monotonic()
-            self._lag = self._mapped_at - received_at
+            self._lag = self._mapped_at - items[0][2]
             if step is None:
                 return False
-            update = step[1]
+            taken, update = step
             if update is None:
                 return True
-            self._latencies.append(time.monotonic() - received_at)
-            snapshot = self._snapshots.take(self.pipeline.mapper, update, self.settings, listened=self.listened())
+            self._latencies.append(time.monotonic() - self._pace.came_at(float(batch.stamps[taken - 1]), items[-1][2]))
+            snapshot = self._snapshots.take(self.pipeline.mapper, update, self.settings, listened=self._is_heard())
         if snapshot is not None:
             self.outbox.put(snapshot)
         return True
@@ -91,16 +120,19 @@ class Mapping:
         """Where nobody listened the newest map was not taken out: it is for who comes, and for who comes later where no newer one does."""
         if self._snapshots.left is None:
             return
-        if not idle:
-            if self._looped_at - self._asked_at < ASKS:
-                return
-            self._asked_at = self._looped_at
-            if not self.listened():
-                return
+        if not idle and not self._is_heard():
+            return
         with self.lock:
             snapshot = self._snapshots.late(self.pipeline.mapper, self.settings)
         if snapshot is not None:
             self.outbox.put(snapshot)
+
+    def _is_heard(self) -> bool:
+        """Whether anybody listens, or did ASKS ago."""
+        now = time.monotonic()
+        if now - self._asked_at >= ASKS:
+            self._asked_at, self._heard = now, self.listened()
+        return self._heard
 
     def state(self) -> State:
         """Of the map, now. The traffic's own time continues by the monotonic clock, so that steps of other clocks do not matter."""

@@ -67,6 +67,7 @@ class Player:
     def run(self, stop: threading.Event) -> None:
         """Plays, waits until all is mapped and sets `stop`, or ends early because it was set. Raises EchogridError where the service gets
         no further."""
+        self._service.receiving.pace.rests = self._speed == 1.0
         self._service.live.wait(PATIENCE)
         config, readers = self._service.config, self._service.pipeline.signals.readers
         buses = senders(config)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import threading
 from contextlib import ExitStack
+from functools import partial
 
-from echogrid.can.bus import GATHER, LiveBus
+from echogrid.can.bus import MOST, LiveBus
 from echogrid.can.frame_queue import FrameQueue
 from echogrid.can.signals import SignalReader
 from echogrid.config.tables import Bus
+from echogrid.live.pace import Pace
 from echogrid.threads import WAIT
 
 QUEUE_FRAMES = 4096  # one to two seconds of four radars
@@ -20,6 +22,7 @@ class Receiving:
     def __init__(self, signals: SignalReader) -> None:
         self.buses: list[LiveBus] = []
         self.queue = FrameQueue(QUEUE_FRAMES, signals.are_motion)
+        self.pace = Pace()
         self._signals = signals
 
     def open(self, buses: tuple[Bus, ...], opened: ExitStack) -> None:
@@ -30,7 +33,9 @@ class Receiving:
 
     def run(self, bus: LiveBus, stop: threading.Event) -> None:
         """One bus's thread."""
+        name = bus.bus.name
         while not stop.is_set():
-            batch = bus.receive(WAIT)
+            batch = bus.receive(WAIT, partial(self.pace.wait, name))
             if batch is not None:
-                self.queue.put(bus.bus.name, batch, GATHER)
+                self.queue.put(name, batch)
+            self.pace.looked(name, again=batch is None or len(batch) == MOST)

@@ -62,7 +62,7 @@ class Service:
         self.workers = Workers()
         self.live = threading.Event()  # all buses are open and the publisher is up
         self.receiving = Receiving(pipeline.signals)
-        self.mapping = Mapping(pipeline, take or pipeline.take, self.receiving.queue)
+        self.mapping = Mapping(pipeline, take or pipeline.take, self.receiving.queue, self.receiving.pace)
         self.publishing = Publishing(Announcer(self.config, pipeline.model.why), self.mapping.outbox, self.status)
         self.mapping.listened = self.publishing.listened
         self.manager = Manager(self.mapping.loop_age)

@@ -146,6 +146,34 @@ def test_when_to_ask() -> None:
     assert gathering.ask_ns == gathering.latest_ns == 55 * MS
 
 
+@pytest.mark.parametrize("awaited", [NAMES, ("b", "c")])
+def test_the_end_is_expected_with_the_last_scan_that_is_awaited(awaited: tuple[str, ...]) -> None:
+    """From the begin of each cycle on, and a little before: a radar may be early. How early, it learns."""
+    gathering, early, said = Gathering(CYCLE, OLD), list[float](), list[int]()
+    assert gathering.expected_ns == 0
+    for at_ns, name in times((3.0, 15.5, 28.0, 40.5), 50.0, until=20_000.0):
+        gathering.hear(scan(name, at_ns))
+        if gathering.is_whole(at_ns, awaited):
+            early.append(max(abs(at_ns - one) for one in said) / MS if said else 0.0)
+            gathering.end(at_ns, empty=False)
+            said = []
+        said.append(gathering.expected_ns)
+    assert len(early) > 390
+    assert max(early[10:]) < 50 / 8 + 0.1
+    assert max(early[-100:]) < 0.5
+
+
+def test_the_end_of_a_cycle_of_radars_that_come_as_they_like_is_expected_by_its_time() -> None:
+    """For no scan alone can end it before its last tenth."""
+    gathering = Gathering(CYCLE, OLD)
+    for at_ns, name in times((3.0, 15.5), 77.0, until=1000.0):
+        gathering.hear(scan(name, at_ns))
+        if gathering.is_whole(at_ns, NAMES):
+            gathering.end(at_ns, empty=False)
+            assert gathering.begin_ns is not None
+            assert gathering.begin_ns + CYCLE - CYCLE // 10 <= gathering.expected_ns <= gathering.latest_ns
+
+
 @settings(max_examples=30)
 @given(st.lists(st.tuples(st.integers(0, 1000), st.sampled_from(NAMES)), min_size=1, max_size=80), st.sampled_from([1.0, 3.0, 7.0, 25.0]))
 def test_which_scans_are_together_does_not_depend_on_other_frames(sent: list[tuple[int, str]], frames_ms: float) -> None:

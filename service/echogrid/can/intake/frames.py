@@ -90,7 +90,28 @@ class FrameBatch:
     @classmethod
     def joined(cls, batches: Sequence[FrameBatch]) -> FrameBatch:
         """All frames of several, batch by batch."""
-        return cls.of([frame for batch in batches for frame in batch])
+        if len(batches) < 2:
+            return batches[0] if batches else cls.of([])
+        names, channels, begins, behind = dict[str, int](), list[NDArray[np.int32]](), list[NDArray[np.int64]](), 0
+        for batch in batches:
+            own = batch.channels
+            if batch.names:
+                ours = np.array([FIRST_NAME - names.setdefault(name, len(names)) for name in batch.names], np.int32)
+                own = np.where(own <= FIRST_NAME, ours[np.maximum(FIRST_NAME - own, 0)], own)
+            channels.append(own)
+            begins.append(batch.begins + behind)
+            behind += len(batch.data)
+        return cls(
+            np.concatenate([batch.stamps for batch in batches]),
+            np.concatenate([batch.ids for batch in batches]),
+            np.concatenate([batch.flags for batch in batches]),
+            np.concatenate([batch.dlc for batch in batches]),
+            np.concatenate([batch.sizes for batch in batches]),
+            np.concatenate(begins),
+            np.concatenate([batch.data for batch in batches]),
+            np.concatenate(channels),
+            tuple(names),
+        )
 
     def __len__(self) -> int:
         return len(self.stamps)

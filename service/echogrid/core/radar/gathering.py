@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from echogrid.core.messages import RadarScan
+from echogrid.core.radar.rhythm import Rhythm
 
 SLACK = 10  # a cycle is longer or shorter by at most so little of itself: a tenth
 
@@ -27,6 +28,8 @@ class Gathering:
         """Forgets all times: those that follow may be earlier."""
         self.begin_ns: int | None = None
         self._last: dict[str, tuple[int, int]] = {}  # by radar: the newest scan's time, and its period; 0 is not known
+        self._rhythms: dict[str, Rhythm] = {}
+        self._awaited: list[str] = []  # radars, when that was last asked
         self._newest_ns = 0  # of all scans
         self._soonest_ns = 0  # the cycle does not end before, where all radars come once a cycle
         self._earliest_ns = 0  # nor before this where they do not
@@ -39,6 +42,7 @@ class Gathering:
         if not self._last:
             self._begin(at_ns, empty=False)
         self._last[scan.sensor] = at_ns, 0 if last is None else max(at_ns - last[0], 0) // (1 + scan.missed)
+        self._rhythms.setdefault(scan.sensor, Rhythm()).hear(at_ns)
         self._newest_ns = at_ns
 
     def end(self, now_ns: int, *, empty: bool) -> None:
@@ -68,11 +72,22 @@ class Gathering:
         """When time alone may end the cycle, if no scan does before."""
         return self.latest_ns if self._asked else self._earliest_ns if self._asked_soon else self._soonest_ns
 
+    @property
+    def expected_ns(self) -> int:
+        """The cycle is not expected to end before, by how the radars came so far. It may, but hardly ever: nothing is decided by this."""
+        if self.begin_ns is None:
+            return 0
+        heard = [(sensor, self._last[sensor]) for sensor in self._awaited]
+        once = all(self._comes_once(period) for _, (_, period) in heard)
+        due = [self._rhythms[sensor].soonest_ns for sensor, last in heard if self._is_due(*last)]
+        return min(max([self._soonest_ns if once else self._earliest_ns, *due]), self.latest_ns)
+
     def is_whole(self, now_ns: int, awaited: Iterable[str]) -> bool:
         """Whether the cycle ends now: time is up, or none of the `awaited` radars is due before that."""
         if now_ns < self._soonest_ns or self._newest_ns < (self.begin_ns or 0):
             return now_ns >= self.latest_ns
-        heard = [self._last[sensor] for sensor in awaited if sensor in self._last]
+        self._awaited = [sensor for sensor in awaited if sensor in self._last]
+        heard = [self._last[sensor] for sensor in self._awaited]
         self._asked_soon, self._asked = True, now_ns >= self._earliest_ns
         if not self._asked and not all(self._comes_once(period) for _, period in heard):
             return False
