@@ -220,7 +220,7 @@ def tell(session: zenoh.Session, service: Service, stop: threading.Event) -> Non
         ("0/echogrid/**", "pose.key: '0/echogrid/**' found, which takes in '0/echogrid/"),
         ("@ros2_lv/**", "pose.key: '@ros2_lv/**' found, which takes in '@ros2_lv/**'"),
         ("ins//odom", "pose.key: 'ins//odom' found, expected a key expression of Zenoh such as ins/odom or 0/ins/odom/**"),
-        ("", "pose.key: '' found, expected a key expression"),
+        ("", "pose.key: an empty text found, expected a name"),
     ],
 )
 def test_a_key_that_is_none_or_ours_is_refused_before_anything_is_opened(tmp_path: Path, key_expression: str, expected: str) -> None:

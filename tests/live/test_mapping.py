@@ -86,7 +86,8 @@ def test_the_newest_map_goes_out_though_nobody_listened(comes: bool) -> None:
             told.append(snapshot.update)
     stop.set()
     thread.join()
-    assert told == [updates[0], updates[-1]]
+    mapped = updates[: len(updates) - len(left)]  # frames that wait together are taken together
+    assert told == [mapped[0], mapped[-1]]
 
 
 def test_what_several_buses_had_at_one_time_is_mapped_in_the_order_of_its_times() -> None:

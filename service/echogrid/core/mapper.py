@@ -116,6 +116,7 @@ class Mapper:
         self.again = SeenAgain()
         self.history = History()
         self.pending: list[RadarScan] = []
+        self._untaught: Sweep | None = None  # the newest, of which nothing was learned yet
         self.newest_ns: dict[str, int] = {}  # stamp of each sensor's newest scan
         self.gathering = Gathering(cycle_ns, max_age_ns)
         self.epoch = 0  # maps begun before this one
@@ -161,6 +162,7 @@ class Mapper:
     def take(self, item: RadarScan | EgoMotion | PoseFix, now_ns: int | None) -> Iterable[MapUpdate]:
         """What a frame says, and the map's states that come of it. Time passes before it is heard, to the time that the traffic then has,
         `now_ns`, or the scan's own: whether a cycle is over does not depend on other frames between. None: time stays."""
+        self._learn()
         if isinstance(item, RadarScan):
             return self._with_scan(item, item.received_ns if now_ns is None else now_ns)
         if now_ns is not None:
@@ -193,6 +195,7 @@ class Mapper:
 
     def update(self, now_ns: int) -> MapUpdate | None:
         """Ends the cycle if it is whole, or its time is up; the map's next state, or None where there was nothing to add."""
+        self._learn()
         gathering = self.gathering
         if gathering.begin_ns is not None and now_ns < gathering.begin_ns - BACK_NS:
             self._start_new_map("the clock was set back")
@@ -202,16 +205,16 @@ class Mapper:
         return self.end_cycle()
 
     def end_cycle(self) -> MapUpdate | None:
-        """Predict, doubt, learn, gate, remember, infer, integrate: what the pending scans say goes into the map, if it takes any here."""
+        """Predict, doubt, gate, remember, infer, integrate: what the pending scans say goes into the map, if it takes any here. What they say
+        of the motion sensors is learned behind that, before anything else is heard: it holds from then on, and the map need not wait."""
+        self._learn()
         if self.frame is not None:
             self.frame.settle(self.odometry)
         sweep = self._trusted(self._place(self.pending))
         self.pending = []
         if sweep is None:
             return None
-        ego = sweep.newest
-        self.doppler.add(sweep.placed, self.odometry.errors, self.noise)
-        self.again.add(sweep, self.odometry.errors, self.noise)
+        self._untaught, ego = sweep, sweep.newest
         looks = self._looks(sweep.placed, ego)
         points = sweep.points(looks.place.tolist())  # moving ones too, in base
         verdicts, (near, reached) = gated(points, sweep.sigmas, sweep.near, sweep.range, self.map.reach, self.noise)
@@ -232,6 +235,12 @@ class Mapper:
         map_from_odom = None if self.frame is None else self.frame.map_from_odom
         numbers = [self._numbers[one.scan.sensor] for one in sweep.placed]
         return MapUpdate(ego, points.take(near, axis=0), Judged(points, sweep.scan, numbers, verdicts), map_from_odom)
+
+    def _learn(self) -> None:
+        if (sweep := self._untaught) is not None:
+            self._untaught = None
+            self.doppler.add(sweep.placed, self.odometry.errors, self.noise)
+            self.again.add(sweep, self.odometry.errors, self.noise)
 
     def certainty(self, ego: EgoState) -> Certainty:
         """How well the car's motion is known at the newest pose."""
