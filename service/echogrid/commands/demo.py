@@ -32,7 +32,7 @@ from echogrid.live.player import Player, on_virtual_buses
 from echogrid.live.service import Service
 from echogrid.logs.drive import Drive, TrueMap, find_drive, load_truth
 from echogrid.logs.log import Log
-from echogrid.maps.picture import Panel, draw, side_by_side
+from echogrid.maps.picture import Panel, draw, save, side_by_side
 from echogrid.pipeline import Pipeline
 
 PATIENCE = 20.0  # s
@@ -95,7 +95,7 @@ def compare(recorder: Recorder, drive: Drive, truth: TrueMap, out: Path, on_prog
         panels.append(Panel(title, log_odds, (column * spec.cell, row * spec.cell)))
     driven = recorder.way.arrays()[1][:, :2]
     panels.append(Panel("truth", truth.log_odds, truth.origin))
-    side_by_side(panels, spec.cell, driven).save(out / "side_by_side.png")
+    save(side_by_side(panels, spec.cell, driven), out / "side_by_side.png")
 
 
 def on_a_free_port(config: Config) -> Config:
@@ -150,7 +150,7 @@ def watch(endpoint: str, vehicle: str, out: Path) -> None:
                 break
     if grids:
         origin, log_odds = merge(grids)
-        draw(log_odds, origin, grids[0].cell, np.empty((0, 2))).save(out / "received.png")
+        save(draw(log_odds, origin, grids[0].cell, np.empty((0, 2))), out / "received.png")
 
 
 def merge(grids: list[Window]) -> tuple[tuple[float, float], LogOdds]:

@@ -21,7 +21,7 @@ from echogrid.core.map.tile import SIDE
 from echogrid.core.mapper import MapUpdate
 from echogrid.core.messages import Floats
 from echogrid.core.motion.way import Way
-from echogrid.files import named
+from echogrid.files import named, whole
 from echogrid.logs.drive import Truth
 from echogrid.maps.map_files import FILES, too_wide, write_map
 from echogrid.pipeline import Pipeline
@@ -88,7 +88,8 @@ class Recorder:
         with named(out):
             for name in set(FILES) - set(written):
                 (out / name).unlink(missing_ok=True)  # of an earlier run: it is not this drive's
-            (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+            with whole(out / "summary.json") as partial:
+                partial.write_text(json.dumps(summary, indent=2) + "\n")
         return summary
 
     def _forgotten(self) -> list[str]:

@@ -14,11 +14,10 @@ from PIL import Image
 from echogrid.core.map.map_delta import Rectangle
 from echogrid.core.map.tile import SIDE, Tile, TileKey
 from echogrid.errors import EchogridError
-from echogrid.files import whole
 from echogrid.maps import map_server
 from echogrid.maps.dense_map import MOST_CELLS, Bands, write_npz
 from echogrid.maps.files import may_write, new_store, open_store
-from echogrid.maps.picture import shade
+from echogrid.maps.picture import save, shade
 from echogrid.maps.stored_epoch import OnProgress, StoredEpoch, part
 from echogrid.store.store_file import SUFFIX
 
@@ -131,8 +130,7 @@ def _export_png(stored: StoredEpoch, where: Rectangle, out: Path, on_progress: O
     for band in stored.bands(where, stored.log_odds, np.float32, on_progress):
         colours[last - len(band) : last] = shade(band)[::-1]
         last -= len(band)
-    with whole(out) as partial:
-        Image.fromarray(colours).save(partial, format="PNG")
+    save(Image.fromarray(colours), out)
 
 
 def _export_map_server(stored: StoredEpoch, where: Rectangle, out: Path, mode: str, on_progress: OnProgress | None) -> None:

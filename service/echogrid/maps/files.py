@@ -23,10 +23,14 @@ def open_store(path: Path) -> TileStore:
 
 @contextmanager
 def new_store(path: Path) -> Iterator[TileStore]:
-    """A store that has its name only once all is in it."""
-    with whole(path) as partial, TileStore(partial, write=True) as store:
-        yield store
-        store.seal()
+    """A store that has its name only once all is in it; what goes wrong is said of that name."""
+    with whole(path) as partial:
+        try:
+            with TileStore(partial, write=True) as store:
+                yield store
+                store.seal()
+        except StoreError as error:
+            raise StoreError(str(error).replace(str(partial), str(path)), error.state) from error
 
 
 def read_dense(path: Path) -> DenseMap:

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from echogrid.core.map.tiled_map import LogOdds, TiledMap
 from echogrid.core.messages import Floats
+from echogrid.files import whole
 from echogrid.maps import map_server
 from echogrid.maps.dense_map import MOST_CELLS, write_npz
-from echogrid.maps.picture import draw
+from echogrid.maps.picture import draw, save
 
 FILES = ("trajectory.csv", "map.npz", "map.pgm", "map.yaml", "map.png")
 
@@ -36,7 +37,7 @@ def write_map(folder: Path, occupancy: TiledMap, stamps_ns: NDArray[np.int64], p
     `stamps_ns` (N,) and `poses` (N, 3), x, y and yaw in odom: where the car was.
     Returns the map's SHA-256 (None where it was not written), and the names of the files that were written.
     """
-    with (folder / "trajectory.csv").open("w", newline="") as file:
+    with whole(folder / "trajectory.csv") as partial, partial.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("stamp_ns", "x", "y", "yaw"))
         for stamp_ns, (x, y, yaw) in zip(stamps_ns, poses, strict=True):
@@ -52,7 +53,7 @@ def write_map(folder: Path, occupancy: TiledMap, stamps_ns: NDArray[np.int64], p
     if log_odds.size:
         map_server.write(folder / "map.yaml", map_server.pixels_of(log_odds, "trinary"), origin, cell, "trinary")
         # Level 3 makes these pictures smaller than 6 does, in half the time.
-        draw(log_odds, origin, cell, poses[:, :2]).save(folder / "map.png", compress_level=3)
+        save(draw(log_odds, origin, cell, poses[:, :2]), folder / "map.png", compress_level=3)
         written += ["map.pgm", "map.yaml", "map.png"]
     return sha256(log_odds, origin, cell), written
 

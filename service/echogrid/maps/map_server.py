@@ -27,6 +27,7 @@ from echogrid.errors import EchogridError
 from echogrid.files import read as read_file
 from echogrid.files import whole
 from echogrid.maps.dense_map import MOST_CELLS, DenseMap
+from echogrid.maps.picture import save
 
 Pixels = NDArray[np.uint8]  # (H, W) grey or (H, W, 4) red, green, blue, alpha; the first row is the largest y
 Cells = NDArray[np.int8]  # (H, W); the first row is the smallest y
@@ -48,8 +49,7 @@ def picture_path(yaml: Path, mode: str) -> Path:
 def write(yaml: Path, pixels: Pixels, origin: tuple[float, float], cell: float, mode: str) -> None:
     """Pixels as `pixels_of` makes them, the corner (x, y) m of the cell with the smallest of both, and a cell's side m. Raises OSError."""
     picture = picture_path(yaml, mode)
-    with whole(picture) as partial:
-        Image.fromarray(pixels).save(partial, format="PPM" if picture.suffix == ".pgm" else "PNG")
+    save(Image.fromarray(pixels), picture, "PPM" if picture.suffix == ".pgm" else "PNG")
     occupied, free = THRESHOLDS[mode]
     with whole(yaml) as partial:
         partial.write_text(

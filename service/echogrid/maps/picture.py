@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from echogrid.core.map.tiled_map import LogOdds, probability
 from echogrid.core.messages import Floats
+from echogrid.files import whole
 
 UNKNOWN = (184, 192, 202)
 DRIVEN = (226, 88, 34)
@@ -47,6 +50,17 @@ def draw(log_odds: LogOdds, origin: tuple[float, float], cell: float, driven: Fl
         pen.rectangle((left, bottom - 4, left + bar, bottom), fill=INK)
         pen.text((left, bottom - 26), "10 m", fill=INK, font=ImageFont.load_default(size=16))
     return image
+
+
+def save(image: Image.Image, path: Path, form: str = "PNG", compress_level: int = 6) -> None:
+    """`form`: of Pillow's names. The file is whole, or not there. Raises OSError.
+
+    Where the disk becomes full Pillow itself leaves a torn PGM without a word (findings/pillow_short_writes.sh).
+    """
+    packed = BytesIO()
+    image.save(packed, format=form, compress_level=compress_level)
+    with whole(path) as partial:
+        partial.write_bytes(packed.getbuffer())
 
 
 @dataclass(frozen=True, slots=True, eq=False)

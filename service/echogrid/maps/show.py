@@ -8,9 +8,8 @@ import numpy as np
 
 from echogrid.core.map.tiled_map import LogOdds
 from echogrid.errors import EchogridError
-from echogrid.files import whole
 from echogrid.maps.files import may_write, open_store, read_dense
-from echogrid.maps.picture import LONGEST, draw, shrink
+from echogrid.maps.picture import LONGEST, draw, save, shrink
 from echogrid.maps.stored_epoch import OnProgress, StoredEpoch
 from echogrid.store.store_file import SUFFIX
 
@@ -42,6 +41,5 @@ def show(
     top, left = int(rows[0]), int(columns[0])
     seen = seen[top : rows[-1] + 1, left : columns[-1] + 1]
     if out is not None:
-        with whole(out) as partial:
-            draw(seen, (x + left * step * cell, y + top * step * cell), step * cell, np.zeros((0, 2))).save(partial, format="PNG")
+        save(draw(seen, (x + left * step * cell, y + top * step * cell), step * cell, np.zeros((0, 2))), out)
     return seen

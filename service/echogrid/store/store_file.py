@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
@@ -33,6 +34,7 @@ TABLES = {
  PRIMARY KEY(epoch, row, col)) WITHOUT ROWID""",
 }
 WAL_BYTES = 4 << 20  # what the -wal file is cut to when it has been taken over
+LEAST = 64 << 10  # bytes on the disk, below which SQLite cannot make the files that it keeps beside a database
 PATIENCE = 5.0  # s that another writer of the same file is waited for
 State = Literal["ok", "full", "read-only", "failed"]
 STATES: tuple[State, ...] = get_args(State)
@@ -81,6 +83,8 @@ def sqlite_errors(path: Path) -> Iterator[None]:
             why = f"there is no folder {folder}"
         elif code == sqlite3.SQLITE_CANTOPEN and not os.access(folder, os.W_OK):
             state = "read-only"
+        elif code == sqlite3.SQLITE_IOERR and folder.is_dir() and shutil.disk_usage(folder).free < LEAST:
+            state, why = "full", "the disk is full"  # SQLite says so of its database alone, not of what it keeps beside it
         raise StoreError(f"{path}: {why}", state) from error
     except UnicodeDecodeError as error:  # of a name in the schema, or of what SQLite says of it
         raise StoreError(f"{path}: a text in it is not UTF-8") from error
