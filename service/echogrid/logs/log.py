@@ -16,6 +16,7 @@ from echogrid.errors import EchogridError
 from echogrid.files import meant
 from echogrid.logs.formats import blf, library, pcap
 from echogrid.logs.formats.account import Account
+from echogrid.logs.formats.kind import FIRST, hint
 from echogrid.logs.formats.stream import Stream
 from echogrid.logs.formats.times import Times, settled
 from echogrid.logs.text import asc, candump, csv_log, trc
@@ -96,14 +97,21 @@ class Log:
             raise EchogridError(f"{self.path}: reading {self._suffix} files needs {needed}") from error
         except Exception as error:  # libraries raise whatever garbage makes them stumble over
             what = str(error) if type(error) is ValueError else f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-            raise EchogridError(f"{self.path}: cannot be read beyond message {self.messages}: {what}") from error
+            raise EchogridError(f"{self.path}: cannot be read beyond message {self.messages}: {what}{self._hint()}") from error
         finally:
             self._ended = True
         faults = self.account.faults(self.messages)
         if not self.messages:
             faults.insert(0, "holds no CAN message")
         if faults:
-            raise EchogridError(f"{self.path}: {'; '.join(faults)}")
+            raise EchogridError(f"{self.path}: {'; '.join(faults)}{self._hint()}")
+
+    def _hint(self) -> str:
+        """What else a file without a frame may be, as the end of a sentence."""
+        if self.messages or not self._size:
+            return ""
+        with self._opened() as file:
+            return hint(file.read(FIRST), self._suffix, self._packing)
 
     def _opened(self) -> BinaryIO:
         try:
