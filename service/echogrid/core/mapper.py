@@ -205,8 +205,9 @@ class Mapper:
         return self.end_cycle()
 
     def end_cycle(self) -> MapUpdate | None:
-        """Predict, doubt, gate, remember, infer, integrate: what the pending scans say goes into the map, if it takes any here. What they say
-        of the motion sensors is learned behind that, before anything else is heard: it holds from then on, and the map need not wait."""
+        """Predict, doubt, gate, remember, infer, integrate: what the pending scans say goes into the map, if it takes any here.
+
+        What they say of the motion sensors is learned behind that, before anything else is heard: the map need not wait for it."""
         self._learn()
         if self.frame is not None:
             self.frame.settle(self.odometry)
