@@ -34,7 +34,7 @@ CALLS: dict[str, float] = {
     "frames to scans and motion": 278,
     "gate by range rate; which radars and motion are trusted": 231,
     "messages to publish": 162,
-    "scans taken in": 135,
+    "scans taken in": 124,
     "places of detections, movers and the rest": 129,
     "history": 123,
     "window to publish": 69,

@@ -75,7 +75,8 @@ class RadarWatch:
         now_ns = scan.received_ns
         away_ns = 0 if self.heard_ns is None else now_ns - self.heard_ns
         step = LONGEST_STEP if self.heard_ns is None else min((now_ns - self.heard_ns) * NS, LONGEST_STEP)
-        wild = 0.0 if not len(scan) else 1.0 - self._possible(scan) / len(scan)
+        count = len(scan)
+        wild = 1.0 - self._possible(scan) / count if count else 0.0
         self._wild += (wild - self._wild) * (1.0 - math.exp(-step / SHORT))
         if not WILD / 2 < self._wild < WILD:
             self.doubt("wild", f"broken: {self._wild:.0%} of its values are out of range" if self._wild >= WILD else None)
