@@ -13,7 +13,7 @@ from echogrid.commands.replay import replay
 from echogrid.errors import EchogridError
 from echogrid.files import whole
 from echogrid.logs.drive import find_drive
-from tests.support import world
+from tests.support import disk, world
 from tests.support.places import DEMO
 
 
@@ -32,19 +32,23 @@ def test_a_file_that_cannot_be_written_is_named_and_nothing_is_left(tmp_path: Pa
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("failing", ["summary.json", "r.mcap"])
-def test_of_a_replay_too(tmp_path: Path, failing: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Written to where there is never room."""
+def test_of_a_recording_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Written to where there is never room; tests/maps/test_full_disk.py has the other files of a replay."""
     drive = world.write_drive(tmp_path / "drive", world.record(world.straight(6.0), [world.standing([(9.0, 3.0)])], 1.0))
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / failing).symlink_to("/dev/full")
-    record = tmp_path / "out" / failing if failing == "r.mcap" else None
-    if record is not None:  # a recording replaces no file
-        usual = Path.open
-        monkeypatch.setattr(Path, "open", lambda self, mode="r", *more, **named: usual(self, mode.replace("x", "w"), *more, **named))
+    record, usual = tmp_path / "r.mcap", Path.open
+    record.symlink_to("/dev/full")  # which a recording would not replace
+    monkeypatch.setattr(Path, "open", lambda self, mode="r", *more, **named: usual(self, mode.replace("x", "w"), *more, **named))
     with pytest.raises(OSError, match="No space left on device") as full:
         replay(find_drive(drive, None), tmp_path / "out", record=record)
-    assert full.value.filename == str(record or tmp_path / "out")
+    assert full.value.filename == str(record)
+
+
+def test_on_a_disk_that_takes_nothing_the_file_itself_is_named(tmp_path: Path) -> None:
+    (tmp_path / "shown").mkdir()
+    with disk.read_only(tmp_path / "disk", tmp_path / "shown") as folder:
+        with pytest.raises(OSError, match="Read-only file system") as refused:
+            written(folder / "a.egmap")
+        assert refused.value.filename == str(folder / "a.egmap")
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from echogrid.errors import EchogridError
@@ -89,8 +89,8 @@ def named(path: Path) -> Iterator[None]:
 def whole(path: Path) -> Iterator[Path]:
     """Another name beside `path` to write to: at the end what is there is on the disk under `path`, or, where it failed, nowhere."""
     partial = path.with_name(f".{path.name}.partial")
-    partial.unlink(missing_ok=True)  # of one that was killed
     try:
+        partial.unlink(missing_ok=True)  # of one that was killed
         yield partial
         with partial.open("rb") as file:
             os.fsync(file.fileno())
@@ -100,4 +100,5 @@ def whole(path: Path) -> Iterator[Path]:
         raise
     finally:
         for left in ("", "-wal", "-shm"):  # and what SQLite keeps beside a file that it could not close
-            partial.with_name(partial.name + left).unlink(missing_ok=True)
+            with suppress(OSError):  # on a disk that takes nothing there is none either
+                partial.with_name(partial.name + left).unlink(missing_ok=True)

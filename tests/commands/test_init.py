@@ -10,12 +10,18 @@ import numpy as np
 import pytest
 from tests.commands.test_check_command import written
 from tests.judging.trial import winding
+from tests.support.frames import radar_cycle
 from tests.support.own_cars import CARS
+from tests.support.places import DBC, ROOT
 from tests.support.program import echogrid
 from tests.support.world import RADARS
 
+from echogrid.can.dbc import Dbc
+from echogrid.commands.init import _unused
 from echogrid.commands.replay import replay
 from echogrid.logs.drive import find_drive
+from echogrid.surveying.heard import Heard
+from echogrid.surveying.senders import Source
 
 RIGHT: dict[str, set[tuple[int, int]]] = {}  # by car, the map of the configuration written by hand; the same from every format
 
@@ -115,3 +121,16 @@ def test_what_is_there_is_not_replaced(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert done.stderr == f"echogrid: {tmp_path / 'new.toml'}: is there already; give another --out, or --force to replace it\n"
     assert (tmp_path / "new.toml").read_text() == "mine"
+
+
+def test_a_dbc_that_nothing_was_read_by_is_told(tmp_path: Path) -> None:
+    """That of another car, and one whose messages the recording has, but a shipped profile reads them; not one that a profile names."""
+    heard = Heard()
+    for message in radar_cycle([(5.0, 0.1, -1.0)] * 9, 1, 100.0):
+        heard.add(message)
+    paths = [ROOT / "examples" / "owl" / "owl.dbc", DBC / "corner_radar.dbc", DBC / "vehicle_motion.dbc"]
+    sources = [Source(path, Dbc(path, path).database) for path in paths]
+    assert _unused(sources, ['dbc = "../vehicle_motion.dbc"'], heard) == [
+        f"{paths[0]}: none of its messages is in the recording",
+        f"{paths[1]}: 2 of its 2 messages are in the recording, and others fit better",
+    ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -53,14 +53,30 @@ def command(log: Path, dbcs: Sequence[Path], out: Path, *, force: bool, as_json:
     for name, text in texts.items():
         with whole(out.parent / name) as partial:
             partial.write_text(text)
+    unused = _unused(sources, texts.values(), heard)
     accepted = report is not None and not report.findings and not proposal.missing
     if as_json:
-        print(json.dumps(_document(found, proposal, report, [out.parent / name for name in texts]) | {"accepted": accepted}, indent=2))
+        document = _document(found, proposal, report, [out.parent / name for name in texts])
+        print(json.dumps(document | {"unused": unused, "accepted": accepted}, indent=2))
     else:
+        print("".join(f"not used: {line}\n" for line in unused), end="")
         print("\n".join(_told(found, proposal, report, log, out, list(texts))))
     if torn is not None:
         raise torn
     return accepted
+
+
+def _unused(sources: Sequence[Source], texts: Collection[str], heard: Heard) -> list[str]:
+    """The DBCs that no written file names, and what the recording has of them."""
+    said = []
+    for source in sources:
+        if any(source.path.name in text for text in texts):
+            continue
+        ids = {(message.frame_id, message.is_extended_frame) for message in source.database.messages}
+        there = sum(any(channel.counts[one] for channel in heard.channels) for one in ids)
+        some = f"{there} of its {len(ids)} messages are in the recording, and others fit better"
+        said.append(f"{source.path}: {some if there else 'none of its messages is in the recording'}")
+    return said
 
 
 def _heard(log: Path, advance: Callable[[float], None]) -> tuple[Heard, EchogridError | None]:
