@@ -51,6 +51,13 @@ def test_on_a_disk_that_takes_nothing_the_file_itself_is_named(tmp_path: Path) -
         assert refused.value.filename == str(folder / "a.egmap")
 
 
+@pytest.mark.parametrize("line", ["map show /dev/null", "map info /dev/null", "map import /dev/null a.egmap"])
+def test_a_device_is_not_called_missing(line: str) -> None:
+    given = _parser().parse_args(line.split())
+    with pytest.raises(EchogridError, match="^/dev/null: is a device or a pipe, expected a file$"):
+        given.command(given)
+
+
 @pytest.mark.parametrize(
     ("line", "sentence"),
     [

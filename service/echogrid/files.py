@@ -27,7 +27,9 @@ def meant(path: Path) -> str:
 def no_file(path: Path, *names: str) -> EchogridError:
     """What to say of a path that is none; `names`: patterns of files that a folder may hold in its place."""
     if not path.is_dir():
-        return EchogridError(f"{path}: there is no such file{meant(path)}")
+        return EchogridError(
+            f"{path}: is a device or a pipe, expected a file" if path.exists() else f"{path}: there is no such file{meant(path)}"
+        )
     held = next((found for name in names for found in sorted(path.glob(name))), None)
     return EchogridError(f"{path}: is a folder, expected a file" + (f" such as {held}" if held else ""))
 

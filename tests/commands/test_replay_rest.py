@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from tests.support import world
 
@@ -68,3 +69,20 @@ def test_a_drive_without_a_map_leaves_no_map_of_an_earlier_one(motorway: Path, t
     with pytest.raises(NoMapError):
         replay(find_drive(only_motion, motorway / "echogrid.toml"), out)
     assert {path.name for path in out.iterdir()} == {"summary.json"}
+
+
+def test_true_poses_of_another_time_are_not_compared(motorway: Path, tmp_path: Path) -> None:
+    """The log of one drive beside the truth of another: no number, least of all one that is none in JSON."""
+    folder = tmp_path / "drive"
+    folder.mkdir()
+    for name in ("echogrid.toml", "can.log"):
+        (folder / name).write_bytes((motorway / name).read_bytes())
+    stamps = np.arange(100, 107, 0.1) * 1e9
+    for shift, told in ((0, True), (1e12, False)):
+        np.savez(
+            folder / "truth.npz", stamp_ns=(stamps + shift).astype(np.int64), x=30 * (stamps * 1e-9 - 100), y=0 * stamps, yaw=0 * stamps
+        )
+        summary = replay(find_drive(folder, None), tmp_path / "out")
+        assert ("trajectory_rmse_m" in summary) is told
+        assert ("the true poses beside the recording are of other times, and are not used" in summary["notes"]) is not told
+        json.loads((tmp_path / "out" / "summary.json").read_text(), parse_constant=pytest.fail)

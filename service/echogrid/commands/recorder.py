@@ -84,6 +84,8 @@ class Recorder:
             self.states.look(self.last_s - self.first_s, self.pipeline.state(0))
         known = "map.png" in written or wide is not None
         summary = self._summary(digest, known, truth) | {"faults": faults, "notes": notes}
+        if truth is not None and len(self.way) and "trajectory_rmse_m" not in summary:
+            notes.append("the true poses beside the recording are of other times, and are not used")
         summary["files"] = sorted([*written, "summary.json"])
         with named(out):
             for name in set(FILES) - set(written):
@@ -137,16 +139,18 @@ class Recorder:
             "rss_mib": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),
             "map_sha256": digest,
         }
-        if truth is not None and len(self.way):
-            summary["trajectory_rmse_m"] = round(rmse(*self.way.arrays(), truth), 3)
-        return summary
+        off = None if truth is None else rmse(*self.way.arrays(), truth)
+        return summary if off is None else summary | {"trajectory_rmse_m": round(off, 3)}
 
 
-def rmse(stamps: NDArray[np.int64], poses: Floats, truth: Truth) -> float:
-    """Root mean square distance (m) of dead reckoning, (N,) ns and (N, 3), from the true positions, both from its first pose on."""
+def rmse(stamps: NDArray[np.int64], poses: Floats, truth: Truth) -> float | None:
+    """Root mean square distance (m) of dead reckoning, (N,) ns and (N, 3), from the true positions, both from its first pose on.
+
+    None where no time is that of both.
+    """
     inside = (stamps >= truth.stamp_ns[0]) & (stamps <= truth.stamp_ns[-1])
     if not inside.any():
-        return float("nan")
+        return None
     # Relative to the first stamp: nanoseconds since 1970 do not fit a float64.
     seconds = (stamps[inside] - truth.stamp_ns[0]) * 1e-9
     true_seconds = (truth.stamp_ns - truth.stamp_ns[0]) * 1e-9
