@@ -15,6 +15,7 @@ from echogrid.files import meant
 
 MOST_BYTES = 1 << 30  # that a truth file unpacks to
 ENDINGS = (".log", ".blf", ".asc", ".mf4", ".trc", ".mcap", ".csv", ".pcap", ".pcapng", ".db")
+FRAMES_ALONE = tuple(ending for ending in ENDINGS if ending not in (".csv", ".db"))  # what else has these is no recording
 LOGS = tuple(f"can{ending}{packing}" for ending in ENDINGS for packing in (".gz", ".zst", ""))
 
 
@@ -57,7 +58,9 @@ def find_drive(path: Path, config: Path | None) -> Drive:
         return Drive(config, path, path.parent / "truth.npz")
     log = next((path / name for name in LOGS if (path / name).is_file()), None)
     if log is None:
-        raise EchogridError(f"{path}: holds no recording, expected one of can.log.gz, {', '.join(f'can{ending}' for ending in ENDINGS)}")
+        wanted = f"{path}: holds no recording, expected one of can.log.gz, {', '.join(f'can{ending}' for ending in ENDINGS)}"
+        other = next((one for one in sorted(path.iterdir()) if one.name.lower().removesuffix(".gz").endswith(FRAMES_ALONE)), None)
+        raise EchogridError(wanted if other is None else f"{wanted}; {other} is taken by its own name, with -c")
     return Drive(config or path / "echogrid.toml", log, path / "truth.npz")
 
 
@@ -74,6 +77,8 @@ def load_truth(path: Path) -> Truth | None:
             stamp_ns, columns = file["stamp_ns"].astype(np.int64), [file[key].astype(float) for key in ("x", "y", "yaw")]
             if stamp_ns.ndim != 1 or any(column.shape != stamp_ns.shape for column in columns):
                 raise ValueError("their lengths differ")
+            if not len(stamp_ns) or not np.isfinite(columns).all() or (np.diff(stamp_ns) < 0).any():
+                raise ValueError("expected at least one pose, finite numbers, and times that do not go back")
             known = None
             if "log_odds" in file:
                 x, y = map(float, file["origin"])
