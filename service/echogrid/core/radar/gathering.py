@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable
 
 from echogrid.core.messages import RadarScan
@@ -28,7 +29,7 @@ class Gathering:
         """Forgets all times: those that follow may be earlier."""
         self.begin_ns: int | None = None
         self._last: dict[str, tuple[int, int]] = {}  # by radar: the newest scan's time, and its period; 0 is not known
-        self._rhythms: dict[str, Rhythm] = {}
+        self._rhythms = defaultdict[str, Rhythm](Rhythm)
         self._awaited: list[str] = []  # radars, when that was last asked
         self._newest_ns = 0  # of all scans
         self._soonest_ns = 0  # the cycle does not end before, where all radars come once a cycle
@@ -42,7 +43,7 @@ class Gathering:
         if not self._last:
             self._begin(at_ns, empty=False)
         self._last[scan.sensor] = at_ns, 0 if last is None else max(at_ns - last[0], 0) // (1 + scan.missed)
-        self._rhythms.setdefault(scan.sensor, Rhythm()).hear(at_ns)
+        self._rhythms[scan.sensor].hear(at_ns)
         self._newest_ns = at_ns
 
     def end(self, now_ns: int, *, empty: bool) -> None:
