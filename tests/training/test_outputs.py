@@ -35,6 +35,7 @@ FILES = (
     "adapt default nowhere --calibrate-only --out",
     "report --nuscenes nowhere --radarscenes nowhere --astyx nowhere --kitti nowhere --into",
 )
+ENDS = {"--json": ".json", "--report": ".html", "--out": ".onnx", "--into": ".md"}
 
 
 def leaves(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
@@ -73,6 +74,18 @@ def test_a_file_where_a_folder_is_is_said_first(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("kept.onnx").mkdir()  # a name that `adapt` takes
-    assert cli.main([*line.split(), "kept.onnx"]) == 1
-    assert capsys.readouterr().err == "kept.onnx: is a folder, expected the name of a file\n"
+    name = f"kept{ENDS[line.split()[-1]]}"
+    Path(name).mkdir()
+    assert cli.main([*line.split(), name]) == 1
+    assert capsys.readouterr().err == f"{name}: is a folder, expected the name of a file\n"
+
+
+@pytest.mark.parametrize("line", [line for line in FILES if not line.endswith("--into")])  # which is a page with marks
+def test_a_recording_is_not_written_over(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("drive.log").write_text("mine")
+    assert cli.main([*line.split(), "drive.log"]) == 1
+    assert f"expected a name that ends in {ENDS[line.split()[-1]]}\n" in capsys.readouterr().err
+    assert Path("drive.log").read_text() == "mine"

@@ -127,6 +127,19 @@ def test_samples_are_cut_anew_only_when_the_drive_changes(drive: Path, tmp_path:
     assert cut == [copy, copy]
 
 
+def test_a_drive_is_found_from_within(drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whose folder is where the command is typed, or the one above: what is kept beside it is the same file."""
+    copy = tmp_path / drive.name
+    (copy / "below").mkdir(parents=True)
+    shutil.copytree(drive, copy, dirs_exist_ok=True)
+    first = load_drive(copy)
+    monkeypatch.setattr("echogrid_training.drives.samples.samples", lambda *_, **__: pytest.fail("it was cut anew"))
+    for place, path in ((copy, "."), (copy / "below", "..")):
+        monkeypatch.chdir(place)
+        assert load_drive(Path(path)).digest() == first.digest()
+    assert [path.name for path in tmp_path.iterdir() if path.is_file()] == [f"{drive.name}.samples.npz"]
+
+
 def test_disturbed_samples_are_kept_beside_the_others(drive: Path, tmp_path: Path) -> None:
     """Which disturbance hangs on the drive's name alone; several processes cut what one would."""
     copies = [tmp_path / f"train-{index:05d}" for index in range(2)]

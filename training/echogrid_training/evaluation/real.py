@@ -39,7 +39,7 @@ def add_real_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scene", action="append", metavar="NAME", help="of nuScenes, where SOURCE holds several; may be repeated")
     parser.add_argument("--model", type=named, default="default", help="default, paper, or the path of an .onnx file (default: default)")
     parser.add_argument("--sum", action="store_true", help="of drives also the network's answers summed, the paper's Eq. 1")
-    parser.add_argument("--json", type=Path, required=True, metavar="FILE", help="for all figures, with areas and thresholds")
+    parser.add_argument("--json", type=Path, required=True, metavar="FILE.json", help="for all figures, with areas and thresholds")
     parser.add_argument("--out", type=Path, metavar="DIR", help="for pictures of the maps")
     parser.add_argument("--truth", type=Path, metavar="DIR", help="annotated truth of drives, NAME_truth.npz each, to score the maps by")
 
@@ -58,7 +58,7 @@ def run_real(options: argparse.Namespace, track: Track = untracked) -> str:
         check_folder(folder)
     for folder in folders:
         folder.mkdir(parents=True, exist_ok=True)
-    check_file(options.json)
+    check_file(options.json, ".json")
     choice = choose(options.model, GridSpec(), {})
     network = str(choice.model.path)  # the same file for all, where there are several
     if options.kind == "astyx":

@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sweep", action="store_true", help="also over density, mounting, silent radars; drives of its own in OUT/sweep")
     parser.add_argument("--workers", type=positive, default=os.cpu_count() or 1, metavar="N", help="processes")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="for results.json, results.md and pictures")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="results.json by another name (default: OUT/results.json)")
+    parser.add_argument("--json", type=Path, metavar="FILE.json", help="results.json by another name (default: OUT/results.json)")
 
 
 def named(text: str) -> tuple[str, Path]:
@@ -57,7 +57,7 @@ def run(options: argparse.Namespace, track: Track = untracked) -> str:
         raise EchogridError("--maps and --sweep found together, expected one of them: a sweep judges patches")
     check_folder(options.out)
     if options.json is not None:
-        check_file(options.json)
+        check_file(options.json, ".json")
     for _, path in options.model:
         if not path.is_file():
             raise EchogridError(f"--model {path}: there is no such file{meant(path)}")

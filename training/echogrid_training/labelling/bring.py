@@ -149,7 +149,8 @@ class Turn:
 def read_turns(drive: Path) -> list[Turn]:
     """In order of time. Raises EchogridError."""
     if not drive.is_dir():
-        raise EchogridError(f"{drive}: there is no such folder{meant(drive)}")
+        what = "is a file, expected a drive's folder" if drive.exists() else f"there is no such folder{meant(drive)}"
+        raise EchogridError(f"{drive}: {what}")
     if not (drive / LIDAR).is_file():
         held = sorted(path.parent for path in drive.glob(f"*/{LIDAR}"))
         if held:

@@ -147,7 +147,8 @@ def load_drive(drive: Path, disturbed: bool = False, whole: bool = False) -> Sam
     `disturbed`: with thinned scans and silent radars in some spells. `whole`: with the paper's labels, of what no radar can tell too.
     """
     kind = ("disturbed" if disturbed else "samples") + (".whole" if whole else "")
-    kept, source = drive.with_name(f"{drive.name}.{kind}.npz"), _source(drive)
+    named = drive if drive.name.strip(".") else drive.resolve()  # "." and ".." have names too
+    kept, source = named.with_name(f"{named.name}.{kind}.npz"), _source(drive)
     held = _read(kept, source)
     if held is not None:
         return held
@@ -157,7 +158,7 @@ def load_drive(drive: Path, disturbed: bool = False, whole: bool = False) -> Sam
             f"{drive / 'echogrid.toml'}: grid of {spec.cells} cells of {spec.cell} m found, "
             f"expected {SPEC.cells} of {SPEC.cell}: the network is made for that"
         )
-    what = Disturbance(zlib.crc32(drive.name.encode())) if disturbed else None
+    what = Disturbance(zlib.crc32(named.name.encode())) if disturbed else None
     cut = packed(samples.samples(drive, what, whole=whole))
     partial = kept.with_name(f".{kept.name}.{os.getpid()}.partial")  # under torchrun several processes may cut the same drive
     try:

@@ -23,14 +23,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-c", "--config", type=Path, metavar="FILE", help="configuration of the recordings")
     parser.add_argument("--model", type=named, help="default, paper or an .onnx file in place of the configuration's own")
     parser.add_argument("--report", type=Path, metavar="FILE.html", help="one page with everything, for people")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="for all figures")
+    parser.add_argument("--json", type=Path, metavar="FILE.json", help="for all figures")
 
 
 def run(options: argparse.Namespace, track: Track = untracked) -> str:
     """Writes the page and the figures; returns the page's first sentences. Raises EchogridError."""
-    for path in (options.report, options.json):
+    for path, suffix in ((options.report, ".html"), (options.json, ".json")):
         if path is not None:
-            check_file(path)
+            check_file(path, suffix)
     found = [measure(title(source), heard(source, options.config)[0], options.model) for source in track(options.drives, "judging drives")]
     if options.report is not None:
         options.report.write_text(page_of(found, "What the map is worth on this car"), encoding="utf-8")
