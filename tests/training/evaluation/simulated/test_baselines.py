@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from msgspec import structs
 from tests.support.networks import logits
 
 from echogrid.core.evidence.history_raster import CHANNELS, COUNT
@@ -83,7 +84,7 @@ def test_nearest_fill_falls_by_distance(patch: Patch) -> None:
 def test_elfes_of_the_history_is_the_sum_of_its_parts(patch: Patch) -> None:
     beam = BeamModel(free=-0.06, beam_sigma=0.02)
     past, early = patch.around.past, patch.around.age > 2.0
-    parts = [replace(patch, around=replace(patch.around, past=past.taken(np.flatnonzero(which)))) for which in (early, ~early)]
+    parts = [replace(patch, around=structs.replace(patch.around, past=past.taken(np.flatnonzero(which)))) for which in (early, ~early)]
     whole = Elfes(True, beam, 1e3)(patch).scores
     np.testing.assert_allclose(whole, sum(Elfes(True, beam, 1e3)(part).scores for part in parts), atol=1e-4)
     np.testing.assert_allclose(Elfes(True, beam, 2.0)(patch).scores, np.clip(whole, -2, 2), atol=1e-6)
