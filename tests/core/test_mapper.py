@@ -98,3 +98,17 @@ def test_a_sample_that_is_left_out_is_counted_once(mapper: Mapper) -> None:
     for seconds, speed in ((1.0, 5.0), (1.0, 5.0), (0.99, 5.0), (1.01, 60.0), (1.02, 5.0)):
         mapper.on_motion(Speed(round(seconds * 1e9), speed))
     assert (mapper.health.motion_dropped, mapper.health.motion_implausible) == (2, 1)
+
+
+def test_a_cycle_is_learned_from_behind_its_map_and_before_what_is_heard_next(mapper: Mapper, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The sample whose time ends the cycle is the first that is corrected by it."""
+    for n in range(1, 12):
+        mapper.on_motion(Speed(n * 10 * MS, 5.0))
+        mapper.on_motion(YawRate(n * 10 * MS, 0.0))
+    mapper.on_scan(scan("front", 100 * MS, 0))
+    order: list[str] = []
+    monkeypatch.setattr(mapper.doppler, "add", lambda *_: order.append("learned"))
+    monkeypatch.setattr(mapper.odometry, "add", lambda _: order.append("heard"))
+    for _ in mapper.take(Speed(120 * MS, 5.0), 400 * MS):
+        order.append("mapped")
+    assert order == ["mapped", "learned", "heard"]

@@ -162,7 +162,6 @@ class Mapper:
     def take(self, item: RadarScan | EgoMotion | PoseFix, now_ns: int | None) -> Iterable[MapUpdate]:
         """What a frame says, and the map's states that come of it. Time passes before it is heard, to the time that the traffic then has,
         `now_ns`, or the scan's own: whether a cycle is over does not depend on other frames between. None: time stays."""
-        self._learn()
         if isinstance(item, RadarScan):
             return self._with_scan(item, item.received_ns if now_ns is None else now_ns)
         if now_ns is not None:
@@ -183,6 +182,7 @@ class Mapper:
         self._hear(item)
 
     def _hear(self, item: EgoMotion | PoseFix) -> None:
+        self._learn()
         if isinstance(item, PoseFix):
             self.on_pose(item)
         else:
