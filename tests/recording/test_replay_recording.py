@@ -19,6 +19,7 @@ from rosbags.convert.converter import convert
 from rosbags.rosbag2 import Reader
 from tests.support import mcap_files, world
 from tests.support.foxglove_client import viewer
+from tests.support.ports import free_port
 from tests.support.program import echogrid
 from tests.support.waiting import PATIENCE, until
 
@@ -186,7 +187,8 @@ class Everything:
 def test_a_running_service_records_what_it_maps_and_publishes_and_shows_it(drive: Path, tmp_path: Path) -> None:
     """Over a virtual bus, with a viewer that watches."""
     path, source = tmp_path / "live.mcap", tmp_path / "echogrid.toml"
-    source.write_text(world.CONFIG.replace('channel = "can0"', 'channel = "can0"\nlog_channel = 7'))
+    publish = f'\n[publish]\nlisten = ["tcp/127.0.0.1:{free_port()}"]\n'
+    source.write_text(world.CONFIG.replace('channel = "can0"', 'channel = "can0"\nlog_channel = 7') + publish)
     pipeline = Pipeline(on_virtual_buses(load_config(source)), source)
     recorder, mapped, sink = Recorder(pipeline), list[AnyFrame](), Everything()
 
