@@ -17,10 +17,14 @@ class Workers:
         self.stop = threading.Event()
         self.failure: Exception | None = None
         self._threads: list[threading.Thread] = []
+        self._wakes: list[Callable[[], None]] = []
 
-    def add(self, name: str, run: Callable[[threading.Event], None]) -> None:
-        """To be started by `with`: `run` ends soon after the event it is given is set."""
+    def add(self, name: str, run: Callable[[threading.Event], None], wake: Callable[[], None] | None = None) -> None:
+        """To be started by `with`: `run` ends soon after the event it is given is set, and `wake`, if it waits for something else, was
+        called."""
         self._threads.append(threading.Thread(target=self._run, args=(run,), name=name))
+        if wake is not None:
+            self._wakes.append(wake)
 
     def fail(self, error: Exception) -> None:
         """Ends all, for this reason."""
@@ -35,6 +39,8 @@ class Workers:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         """Ends all and waits for them."""
         self.stop.set()
+        for wake in self._wakes:
+            wake()
         for thread in self._threads:
             thread.join()
 

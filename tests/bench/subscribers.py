@@ -219,6 +219,7 @@ def regions(config: Config, drive: Drive) -> None:
                     assert client.region((-side / 2, -side / 2, side / 2, side / 2)) is not None
                     took.append(time.monotonic() - started)
                 stop.set()
+                answering.wake()
                 thread.join()
             told(f"  region of {side:.0f} m x {side:.0f} m, packed", took)
 

@@ -10,7 +10,8 @@ from tests.support.frames import frame
 from tests.support.waiting import until
 
 from echogrid.can import bus as live
-from echogrid.can.bus import LiveBus
+from echogrid.can.bus import LiveBus, wait
+from echogrid.can.intake.frames import FrameBatch
 from echogrid.config.tables import Bus
 from echogrid.errors import EchogridError
 
@@ -37,6 +38,12 @@ class Unplugged(can.BusABC):
         self.opened.shutdown()
 
 
+def taken(bus: LiveBus) -> FrameBatch | None:
+    """What a look finds that waits a moment."""
+    wait([bus], 0.05)
+    return bus.take()
+
+
 @pytest.fixture
 def sender() -> Iterator[can.BusABC]:
     with can.Bus(interface="virtual", channel="test_bus", protocol=can.CanProtocol.CAN_FD, preserve_timestamps=True) as bus:
@@ -47,7 +54,7 @@ def test_only_what_is_read_passes(sender: can.BusABC) -> None:
     bus = LiveBus(BUS, [ID])
     sender.send(frame(0x301, b"\x01", 1.0))
     sender.send(frame(0x300, b"\x02", 2.0))
-    batch = until(lambda: bus.receive(0.05))
+    batch = until(lambda: taken(bus))
     assert (batch.ids.tolist(), batch.stamps.tolist()) == ([0x300], [2.0])
     assert bus.refresh().frames == 1
     bus.close()
@@ -58,11 +65,11 @@ def test_error_frames_are_counted_and_bus_off_is_down_until_the_next_frame(sende
     bus = LiveBus(BUS, [])  # no filter: a controller's error frames come with ids of their own
     for number in (0x04, live.CAN_ERR_BUSOFF):
         sender.send(can.Message(arbitration_id=number, is_error_frame=True, is_extended_id=False, data=bytes(8)))
-    until(lambda: bus.refresh().errors == 2, lambda: bus.receive(0.1))
+    until(lambda: bus.refresh().errors == 2, lambda: taken(bus))
     health = bus.refresh()
     assert (health.errors, health.bus_off, health.up) == (2, 1, False)
     sender.send(frame(0x300, b"\x02", 2.0))
-    until(lambda: bus.receive(0.05))
+    until(lambda: taken(bus))
     assert bus.refresh().up
     bus.close()
 
@@ -84,10 +91,10 @@ def test_a_lost_bus_is_opened_again_and_again_until_it_can_be_read(sender: can.B
     monkeypatch.setattr(live, "FIRST_PAUSE", 0.01)
     bus = LiveBus(BUS, [ID])
     opened[0].down = True
-    assert bus.receive(0.01) is None
-    assert not bus.refresh().up
-    until(lambda: bus.refresh().up, lambda: bus.receive(0.01))
+    until(lambda: not bus.refresh().up, lambda: taken(bus))
+    assert not bus.is_open
+    until(lambda: bus.refresh().up, lambda: (bus.bring_back(), taken(bus)))
     assert (bus.health.reconnects, answers) == (1, [])
     sender.send(frame(0x300, b"\x02", 2.0))
-    until(lambda: bus.receive(0.05))
+    until(lambda: taken(bus))
     bus.close()

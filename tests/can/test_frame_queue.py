@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import threading
-
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.support.frames import frame
-from tests.support.waiting import PATIENCE
 
 from echogrid.can.frame_queue import FrameQueue
 from echogrid.can.intake.frames import FrameBatch
@@ -22,17 +19,25 @@ def one(number: int, data: bytes = b"") -> FrameBatch:
 
 
 def drain(frames: FrameQueue) -> list[int]:
-    got = []
-    while (item := frames.get(timeout=0.0)) is not None:
-        got += item[1].ids.tolist()
-    return got
+    return [number for _, batch, _ in frames.take(10_000) for number in batch.ids.tolist()]
 
 
-def test_in_order_and_empty_is_none() -> None:
+def test_in_order_and_then_empty() -> None:
     frames = queue(10)
     for number in (0x100, 0x300, 0x301):
         frames.put("can0", one(number))
     assert drain(frames) == [0x100, 0x300, 0x301]
+    assert frames.take(1) == []
+    assert len(frames) == 0
+
+
+def test_what_came_together_is_taken_together_and_no_more_than_that_beyond_what_is_asked_for() -> None:
+    frames = queue(20)
+    for first in (0x100, 0x110, 0x120):
+        frames.put("can0", FrameBatch.of([frame(first + n, b"", 0.0) for n in range(3)]))
+    assert [len(batch) for _, batch, _ in frames.take(4)] == [3, 3]
+    assert len(frames) == 3
+    assert drain(frames) == [0x120, 0x121, 0x122]
 
 
 def test_full_it_drops_the_radar_frames_of_its_older_half_and_never_motion() -> None:
@@ -65,18 +70,8 @@ def test_a_player_that_is_always_too_fast_costs_whole_scans_and_leaves_whole_one
         for slot in range(8):
             frames.put("can0", one(0x200 + slot, bytes((cycle,))))
             if slot % 2:
-                item = frames.get(timeout=0.0)
-                assert item is not None
-                taken.append(int(item[1].data[0]))
+                ((_, batch, _),) = frames.take(1)
+                taken.append(int(batch.data[0]))
     counts = [taken.count(cycle) for cycle in set(taken)]
     assert frames.dropped > 500
     assert counts.count(8) > 0.8 * len(counts)
-
-
-def test_a_waiting_reader_is_woken() -> None:
-    frames = queue(4)
-    timer = threading.Timer(0.05, frames.put, ("can0", one(0x300)))
-    timer.start()
-    item = frames.get(timeout=PATIENCE)
-    timer.join()
-    assert item is not None

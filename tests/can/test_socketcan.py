@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.support.waiting import PATIENCE
 
-from echogrid.can.intake import socketcan
+from echogrid.can.intake.socketcan import Inbox
 
 SO_TIMESTAMPNS = 35  # asm-generic/socket.h
 Pair = tuple[socket.socket, socket.socket]
@@ -52,7 +52,9 @@ def test_frames_are_those_that_were_sent(pair: Pair, sent: list[can.Message]) ->
     before = time.time()
     for message in sent:
         sender.send(build_can_frame(message))
-    batch = socketcan.receive(receiver, 100, "can3")
+    inbox = Inbox(receiver, 100)
+    assert not inbox.reads
+    batch = inbox.take("can3")
     assert batch is not None
     names = ("arbitration_id", "is_extended_id", "is_remote_frame", "is_error_frame", "is_fd", "is_rx", "bitrate_switch", "dlc", "channel")
     for message, found in zip(sent, batch, strict=True):
@@ -60,7 +62,8 @@ def test_frames_are_those_that_were_sent(pair: Pair, sent: list[can.Message]) ->
         assert found.error_state_indicator == message.error_state_indicator
         assert found.data == bytes(message.data)
         assert before <= found.timestamp <= time.time()
-    assert socketcan.receive(receiver, 100, "can3") is None
+    assert inbox.take("can3") is None
+    assert inbox.reads
 
 
 def test_times_are_the_kernels() -> None:
@@ -74,7 +77,7 @@ def test_times_are_the_kernels() -> None:
             assert select.select([receiver], [], [], PATIENCE)[0]  # it has come
             time.sleep(0.05)
             read = time.time()
-            batch = socketcan.receive(receiver, 100, None)
+            batch = Inbox(receiver, 100).take(None)
             assert batch is not None
             assert before - 0.001 <= batch.stamps[0]
             if batch.stamps[0] < read:
@@ -86,7 +89,7 @@ def test_an_error_frame_is_one_and_what_is_no_frame_is_left_out(pair: Pair) -> N
     sender, receiver = pair
     sender.send((0x20000040).to_bytes(4, "little") + bytes((8, 0, 0, 0)) + bytes(8))
     sender.send(b"no frame")
-    batch = socketcan.receive(receiver, 100, None)
+    batch = Inbox(receiver, 100).take(None)
     assert batch is not None
     (found,) = batch
     assert (found.is_error_frame, found.arbitration_id, found.channel) == (True, 0x40, None)
@@ -96,7 +99,8 @@ def test_no_more_are_taken_than_asked_for_and_the_rest_waits(pair: Pair) -> None
     sender, receiver = pair
     for number in range(5):
         sender.send(build_can_frame(can.Message(arbitration_id=number, is_extended_id=False)))
-    first, second = (socketcan.receive(receiver, 3, 1) for _ in range(2))
+    inbox = Inbox(receiver, 3)
+    first, second = (inbox.take(1) for _ in range(2))
     assert first is not None
     assert second is not None
     assert [*first.ids.tolist(), *second.ids.tolist()] == [0, 1, 2, 3, 4]

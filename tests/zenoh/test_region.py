@@ -63,6 +63,7 @@ def answering(endpoint: str, reader: MapReader, *, running: bool = True) -> Iter
             yield regions
         finally:
             stop.set()
+            regions.wake()
             if thread.ident is not None:
                 thread.join()
 
@@ -220,6 +221,7 @@ def test_more_queries_than_may_wait_are_told_to_come_again(endpoint: str, pipeli
         thread.start()
         answered = [handler.recv() for reply, handler in zip(replies, handlers, strict=True) if reply is None]
         stop.set()
+        regions.wake()
         thread.join()
         assert sum(reply.ok is not None for reply in answered) == MOST_WAITING
 

@@ -7,7 +7,7 @@ import select
 import socket
 import struct
 import time
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,15 +16,16 @@ import numpy as np
 from can.interfaces.socketcan import SocketcanBus
 from numpy.typing import NDArray
 
-from echogrid.can.intake import socketcan
 from echogrid.can.intake.frames import ERROR, FrameBatch
+from echogrid.can.intake.socketcan import Inbox
+from echogrid.can.intake.watched import Watched
 from echogrid.can.radar import FrameId
 from echogrid.config.tables import Bus
 from echogrid.errors import EchogridError
 
 log = logging.getLogger("echogrid")
 
-GATHER = 0.0005  # s
+GATHER = 0.0005  # s from the first frame to the taking of all: those close behind it cost little more
 MOST = 512  # frames that are received at once
 FIRST_PAUSE, LONGEST_PAUSE = 0.25, 4.0  # s between attempts to open a lost bus
 # linux/sock_diag.h: SO_MEMINFO's ninth number is what the kernel threw away because the buffer was full, as SO_RXQ_OVFL reports it.
@@ -45,7 +46,8 @@ class BusHealth:
 
 
 class LiveBus:
-    """A CAN bus that only one thread reads. An interface that goes down, is unplugged or leaves the bus is tried again until it is back."""
+    """A CAN bus, to be selected on while it is open. An interface that goes down, is unplugged or leaves the bus is tried again until it
+    is back, by the thread that calls `bring_back`; of all else, one thread does one thing at a time."""
 
     def __init__(self, bus: Bus, ids: list[FrameId]) -> None:
         """Passes only `ids`, in the kernel where the interface can. Raises EchogridError where it cannot be opened at all."""
@@ -53,26 +55,35 @@ class LiveBus:
         self.ids = ids
         self.health = BusHealth()
         self._opened: can.BusABC | None = open_bus(bus, ids)
+        self._source: Inbox | Watched | None = _source(self._opened)  # None from a fault until it is opened again
         self._overflow_before = 0  # of the sockets that were closed
         self._lost = False
         self._pause = FIRST_PAUSE
         self._retry_at = 0.0  # time.monotonic()
         self.health.up = True
 
-    def receive(self, timeout: float, gather: Callable[[], None] = lambda: time.sleep(GATHER)) -> FrameBatch | None:
-        """The next data frames: the first that comes, and those that come while `gather` waits, which cost little more than one.
+    @property
+    def is_open(self) -> bool:
+        """Whether it can be selected on."""
+        return self._source is not None
 
-        None after `timeout` seconds without any, where there are error frames alone, and while the bus is away.
-        """
-        if self._opened is None and not self._open_again(timeout):
+    def fileno(self) -> int:
+        """Readable while there are frames, or a fault to be found. Only of one that is open."""
+        assert self._source is not None
+        return self._source.fileno()
+
+    def take(self) -> FrameBatch | None:
+        """The data frames that are there, at most MOST, whose channel is that of a log: not every interface says it, and a recording is to
+        be one. Never waits. None where there are none, or error frames alone, and while the bus is away."""
+        source = self._source
+        if source is None:
             return None
-        assert self._opened is not None
         try:
-            batch = self._received(self._opened, timeout, gather)
+            batch = source.take(self.bus.logged_as)
         except (can.CanError, OSError) as error:
             self._lose(error)
             return None
-        if self._lost:
+        if self._lost and source.reads:
             self._back()
         if batch is None:
             return None
@@ -85,22 +96,20 @@ class LiveBus:
             batch = batch.where(~failed)
         return batch if len(batch) else None
 
-    def _received(self, opened: can.BusABC, timeout: float, gather: Callable[[], None]) -> FrameBatch | None:
-        """All frames of one look, whose channel is that of a log: not every interface says it, and a recording is to be one."""
-        if isinstance(opened, SocketcanBus):
-            if not select.select([opened.socket], [], [], timeout)[0]:
-                return None
-            gather()
-            return socketcan.receive(opened.socket, MOST, self.bus.logged_as)
-        messages: list[can.Message] = []
-        message = opened.recv(timeout)
-        if message is not None:
-            gather()
-        while message is not None:
-            message.channel = self.bus.logged_as
-            messages.append(message)
-            message = opened.recv(0) if len(messages) < MOST else None
-        return FrameBatch.of(messages) if messages else None
+    def bring_back(self) -> None:
+        """Opens it again, where it was lost and it is time to try."""
+        if self._source is not None or time.monotonic() < self._retry_at:
+            return
+        try:
+            self.close()
+        except (can.CanError, OSError):  # a device that is gone need not be closed in good order
+            self._opened = None
+        try:
+            self._opened = open_bus(self.bus, self.ids)
+        except EchogridError:
+            self._wait_longer()
+        else:
+            self._source = _source(self._opened)
 
     def refresh(self) -> BusHealth:
         """The counters, the kernel's overflow among them."""
@@ -112,6 +121,9 @@ class LiveBus:
         if self._opened is not None:
             self._overflow_before += self._dropped_by_kernel()
             opened, self._opened = self._opened, None
+            if self._source is not None:
+                self._source.close()
+                self._source = None
             opened.shutdown()
 
     def _note(self, codes: NDArray[np.uint32], *, sound_last: bool) -> None:
@@ -127,30 +139,17 @@ class LiveBus:
         if not self._lost:
             log.warning("bus '%s': %s channel '%s' was lost: %s; trying again", self.bus.name, self.bus.interface, self.bus.channel, error)
         self._lost, self.health.up = True, False
-        self._wait()
-        try:
-            self.close()
-        except (can.CanError, OSError):  # a device that is gone need not be closed in good order
-            self._opened = None
+        self._wait_longer()
+        if self._source is not None:
+            self._source.close()
+            self._source = None
 
-    def _wait(self) -> None:
+    def _wait_longer(self) -> None:
         self._retry_at = time.monotonic() + self._pause
         self._pause = min(2 * self._pause, LONGEST_PAUSE)
 
-    def _open_again(self, timeout: float) -> bool:
-        left = self._retry_at - time.monotonic()
-        if left > 0:
-            time.sleep(min(left, timeout))
-            return False
-        try:
-            self._opened = open_bus(self.bus, self.ids)
-        except EchogridError:
-            self._wait()
-            return False
-        return True
-
     def _back(self) -> None:
-        """A read without a fault: an interface that is down can be opened, but not read."""
+        """A read without a fault."""
         self._lost, self._pause, self.health.up = False, FIRST_PAUSE, True
         self.health.reconnects += 1
         log.warning("bus '%s': %s channel '%s' is back", self.bus.name, self.bus.interface, self.bus.channel)
@@ -161,8 +160,18 @@ class LiveBus:
             return 0
         try:
             return int(MEMINFO.unpack(opened.socket.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, MEMINFO.size))[DROPS])
-        except (OSError, ValueError, struct.error):  # closed by the reading thread meanwhile
+        except (OSError, ValueError, struct.error):  # closed meanwhile
             return 0
+
+
+def wait(buses: Sequence[LiveBus], timeout: float) -> None:
+    """Until something can be taken of one that is open, and a moment longer for what comes close behind it; at most `timeout` s."""
+    if select.select([bus for bus in buses if bus.is_open], [], [], timeout)[0]:
+        time.sleep(GATHER)
+
+
+def _source(opened: can.BusABC) -> Inbox | Watched:
+    return Inbox(opened.socket, MOST) if isinstance(opened, SocketcanBus) else Watched(opened, MOST)
 
 
 def open_bus(bus: Bus, ids: list[FrameId]) -> can.BusABC:

@@ -30,7 +30,7 @@ class FrameQueue:
         self.dropped_motion = 0
         self._items: deque[Item] = deque()
         self._frames = 0
-        self._filled = threading.Condition()
+        self._lock = threading.Lock()
         self._room_at = limit  # length at which room is made
 
     def __len__(self) -> int:
@@ -38,23 +38,21 @@ class FrameQueue:
 
     def put(self, bus: str, batch: FrameBatch) -> None:
         """Never waits."""
-        with self._filled:
+        with self._lock:
             if self._frames >= self._room_at:
                 self._make_room()
             self._items.append((bus, batch, time.monotonic()))
             self._frames += len(batch)
-            self._filled.notify()
 
-    def get(self, timeout: float) -> Item | None:
-        """The oldest frames; None after `timeout` seconds without one."""
-        with self._filled:
-            if not self._items:
-                self._filled.wait(timeout)
-            if not self._items:
-                return None
-            item = self._items.popleft()
-            self._frames -= len(item[1])
-            return item
+    def take(self, most: int) -> list[Item]:
+        """The oldest frames, up to the first `most` or more of them; never waits."""
+        items, count = list[Item](), 0
+        with self._lock:
+            while self._items and count < most:
+                items.append(self._items.popleft())
+                count += len(items[-1][1])
+            self._frames -= count
+        return items
 
     def _make_room(self) -> None:
         older, half, count = list[Item](), (self._frames + 1) // 2, 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -11,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from echogrid.can.bus import LiveBus
+from echogrid.can.bus import LiveBus, wait
 from echogrid.can.intake.frames import FrameBatch
 from echogrid.commands.traffic import Traffic
 from echogrid.config.tables import Config
@@ -80,32 +79,21 @@ def check_live(config: Config, source: Path, seconds: float, on_progress: Callab
 def listen(config: Config, seconds: float, on_progress: Callable[[float], None] | None = None) -> FrameBatch:
     """All frames of the configured buses for so long, in the order of their times."""
     heard: list[FrameBatch] = []
-    stop = threading.Event()
-
-    def take(bus: LiveBus) -> None:
-        while not stop.is_set():
-            batch = bus.receive(POLL)
-            if batch is not None:
-                heard.append(batch)
-
     with ExitStack() as opened:
         buses = []
         for bus in config.bus:
             buses.append(LiveBus(bus, []))
             opened.callback(buses[-1].close)
-        threads = [threading.Thread(target=take, args=(bus,), name=f"check {bus.bus.name}") for bus in buses]
-        for thread in threads:
-            thread.start()
-        try:
-            begin = time.monotonic()
-            while (passed := time.monotonic() - begin) < seconds:
-                stop.wait(min(POLL, seconds - passed))
-                if on_progress is not None:
-                    on_progress(min(passed / seconds, 1.0))
-        finally:
-            stop.set()
-            for thread in threads:
-                thread.join()
+        begin = time.monotonic()
+        while (passed := time.monotonic() - begin) < seconds:
+            wait(buses, min(POLL, seconds - passed))
+            for one in buses:
+                batch = one.take()
+                if batch is not None:
+                    heard.append(batch)
+                one.bring_back()
+            if on_progress is not None:
+                on_progress(min(passed / seconds, 1.0))
     batch = FrameBatch.joined(heard)
     return batch.where(np.argsort(batch.stamps, kind="stable"))
 

@@ -12,14 +12,13 @@ import can
 import numpy as np
 from numpy.typing import NDArray
 
-from echogrid.can.bus import MOST
-from echogrid.can.frame_queue import FrameQueue, Item
+from echogrid.can.frame_queue import Item
 from echogrid.can.intake.frames import FrameBatch
 from echogrid.config.tables import Publish
 from echogrid.core.mapper import MapUpdate
 from echogrid.core.messages import PoseFix
 from echogrid.core.trust.watch import State
-from echogrid.live.pace import Pace
+from echogrid.live.receiving import Receiving
 from echogrid.pipeline import Pipeline
 from echogrid.threads import WAIT
 from echogrid.topics.announcer import Snapshot, Snapshots
@@ -35,11 +34,11 @@ Take = Callable[[FrameBatch, NDArray[np.int64]], Iterator[tuple[int, MapUpdate |
 class Mapping:
     """Remembers how long frames waited and when the map was changed last. One thread runs `run`; any may ask.
 
-    `take` takes frames to the pipeline; `pace` is told when the buses are to be looked at again. `settings` may be exchanged while it runs,
+    `take` takes frames to the pipeline; `receiving` has them. `settings` may be exchanged while it runs,
     `poses` (what came over Zenoh) and `listened` (whether anybody takes the map now) before.
     """
 
-    def __init__(self, pipeline: Pipeline, take: Take, queue: FrameQueue, pace: Pace) -> None:
+    def __init__(self, pipeline: Pipeline, take: Take, receiving: Receiving) -> None:
         self.pipeline = pipeline
         self.settings: Publish = pipeline.config.publish
         self.lock = threading.Lock()  # held by the mapping while it changes the map, by others for one tile's copy at a time
@@ -47,8 +46,7 @@ class Mapping:
         self.poses: Callable[[], Iterable[PoseFix]] = tuple
         self.listened: Callable[[], bool] = lambda: True
         self._take = take
-        self._queue = queue
-        self._pace = pace
+        self._receiving = receiving
         self._snapshots = Snapshots()
         self._mapped_at = time.monotonic()  # when the newest frame was processed: a lag is latency, not silence
         self._lag = 0.0  # s, from that frame's receipt to then
@@ -60,12 +58,11 @@ class Mapping:
     def run(self, stop: threading.Event, tap: Callable[[str, can.Message], None] | None = None) -> None:
         """Until `stop` is set. `tap` is given every frame before it is mapped."""
         while not stop.is_set():
+            items = self._receiving.look(WAIT)
             self._looped_at = time.monotonic()
-            item = self._queue.get(timeout=WAIT)
-            self._catch_up(idle=item is None)
-            if item is None:
+            self._catch_up(idle=not items)
+            if not items:
                 continue
-            items = self._look(item)
             if tap is not None:
                 for bus, batch, _ in items:
                     for message in batch:
@@ -74,18 +71,12 @@ class Mapping:
             steps = self._take(batch, buses)
             while self._step(steps, batch, items):
                 pass
+            now = self._mapped_at = self._looped_at = time.monotonic()
+            self._lag = now - items[0][2]
             newest_ns = self.pipeline.signals.newest_ns
             if newest_ns is not None:
-                self._pace.resume(newest_ns * NS, items[-1][2], self.pipeline.mapper.gathering.expected_ns * NS)
-
-    def _look(self, item: Item) -> list[Item]:
-        """What all buses had at one time, and what waited behind it, if that is not much."""
-        self._pace.settle()
-        items, size = [item], len(item[1])
-        while size < MOST and (more := self._queue.get(timeout=0.0)) is not None:
-            items.append(more)
-            size += len(more[1])
-        return items
+                expected_ns = self.pipeline.mapper.gathering.expected_ns
+                self._receiving.pace.mapped(newest_ns * NS, items[-1][2], expected_ns * NS)
 
     def _together(self, items: list[Item]) -> tuple[FrameBatch, NDArray[np.int64]]:
         """All frames (N,) and their buses (N,); those of several buses in the order of their times."""
@@ -103,15 +94,15 @@ class Mapping:
             for fix in self.poses():
                 self.pipeline.mapper.on_pose(fix)
             step = next(steps, None)
-            self._mapped_at = time.monotonic()
-            self._lag = self._mapped_at - items[0][2]
             if step is None:
                 return False
             taken, update = step
             if update is None:
                 return True
-            self._latencies.append(time.monotonic() - self._pace.came_at(float(batch.stamps[taken - 1]), items[-1][2]))
-            snapshot = self._snapshots.take(self.pipeline.mapper, update, self.settings, listened=self._is_heard())
+            now = time.monotonic()
+            self._latencies.append(now - self._receiving.pace.came_at(float(batch.stamps[taken - 1]), items[-1][2]))
+            self._mapped_at, self._lag = now, now - items[0][2]
+            snapshot = self._snapshots.take(self.pipeline.mapper, update, self.settings, listened=self._is_heard(now))
         if snapshot is not None:
             self.outbox.put(snapshot)
         return True
@@ -120,16 +111,15 @@ class Mapping:
         """Where nobody listened the newest map was not taken out: it is for who comes, and for who comes later where no newer one does."""
         if self._snapshots.left is None:
             return
-        if not idle and not self._is_heard():
+        if not idle and not self._is_heard(self._looped_at):
             return
         with self.lock:
             snapshot = self._snapshots.late(self.pipeline.mapper, self.settings)
         if snapshot is not None:
             self.outbox.put(snapshot)
 
-    def _is_heard(self) -> bool:
+    def _is_heard(self, now: float) -> bool:
         """Whether anybody listens, or did ASKS ago."""
-        now = time.monotonic()
         if now - self._asked_at >= ASKS:
             self._asked_at, self._heard = now, self.listened()
         return self._heard
@@ -165,6 +155,7 @@ class Outbox:
 
     def __init__(self) -> None:
         self._newest: Snapshot | None = None
+        self._woken = False
         self._filled = threading.Condition()
 
     def put(self, snapshot: Snapshot) -> None:
@@ -173,9 +164,15 @@ class Outbox:
             self._filled.notify()
 
     def get(self, timeout: float) -> Snapshot | None:
-        """The newest snapshot, once; None after `timeout` seconds."""
+        """The newest snapshot, once; None after `timeout` seconds, and when woken."""
         with self._filled:
-            if self._newest is None:
+            if self._newest is None and not self._woken:
                 self._filled.wait(timeout)
             newest, self._newest = self._newest, None
             return newest
+
+    def wake(self) -> None:
+        """Nobody waits from now on."""
+        with self._filled:
+            self._woken = True
+            self._filled.notify()

@@ -11,7 +11,6 @@ from typing import Any
 from echogrid.errors import EchogridError
 from echogrid.live.manager import Manager
 from echogrid.live.mapping import Outbox
-from echogrid.threads import WAIT
 from echogrid.topics.announcer import MAPPED, Announcer
 from echogrid.topics.topic import Message, Sink, Topic
 
@@ -45,7 +44,7 @@ class Publishing:
             if time.monotonic() >= meta_due:
                 self.send((self._announcer.meta(time.time_ns()),))
                 meta_due += META_PERIOD
-            snapshot = self._outbox.get(timeout=WAIT)
+            snapshot = self._outbox.get(timeout=max(status_due - time.monotonic(), 0.0))
             if snapshot is not None:
                 self.send(self._announcer.map(snapshot, self.wanted))
                 manager.map_published()

@@ -41,7 +41,7 @@ RELOADABLE = ("rate_hz", "window_cells")  # keys of [publish] that a running ser
 
 
 class Service:
-    """One thread per bus receives, the caller's thread maps, one thread publishes, others keep, record and answer; none waits for another.
+    """The caller's thread reads the buses and maps, one thread publishes, others guard, keep, record and answer; none waits for another.
 
     `take` takes frames to the pipeline; a recorder may replace it. `record`: an MCAP file of the frames and of what is published.
     `foxglove`: host and port of a live view. `begun_ns`: when the map in the store begins, if not now.
@@ -62,7 +62,7 @@ class Service:
         self.workers = Workers()
         self.live = threading.Event()  # all buses are open and the publisher is up
         self.receiving = Receiving(pipeline.signals)
-        self.mapping = Mapping(pipeline, take or pipeline.take, self.receiving.queue, self.receiving.pace)
+        self.mapping = Mapping(pipeline, take or pipeline.take, self.receiving)
         self.publishing = Publishing(Announcer(self.config, pipeline.model.why), self.mapping.outbox, self.status)
         self.mapping.listened = self.publishing.listened
         self.manager = Manager(self.mapping.loop_age)
@@ -76,10 +76,9 @@ class Service:
         """Until `workers.stop` is set. Raises EchogridError where a bus or the publisher cannot be opened."""
         with ExitStack() as opened:
             self._open(opened)
-            for bus in self.receiving.buses:
-                self.workers.add(bus.bus.name, partial(self.receiving.run, bus))
+            self.workers.add("guard", self.receiving.guard)
+            self._report_live()  # before anything else is told of its state
             with self.workers:
-                self._report_live()
                 try:
                     self.mapping.run(self.workers.stop, None if self.recorder is None else self.recorder.frame)
                 finally:
@@ -134,9 +133,12 @@ class Service:
             if self.config.pose is not None and self.config.pose.key is not None:
                 self.mapping.poses = PoseFeed(publisher.session, self.config.pose, self.pipeline.health.pose).take
             reader = MapReader(self.pipeline.mapper, self.mapping.lock, self.keeper)
-            self.workers.add("regions", Regions(publisher, self.config.grid.cell, reader).run)
+            regions = Regions(publisher, self.config.grid.cell, reader)
+            self.workers.add("regions", regions.run, regions.wake)
             metrics = opened.enter_context(Metrics(self.config.metrics, self.config.vehicle))
-            self.workers.add("publisher", partial(self.publishing.run, manager=self.manager, measure=metrics.update))
+            self.workers.add(
+                "publisher", partial(self.publishing.run, manager=self.manager, measure=metrics.update), self.mapping.outbox.wake
+            )
             self.receiving.open(self.config.bus, opened)
         except EchogridError as error:
             raise EchogridError(f"{self.pipeline.signals.source}: {error}") from error

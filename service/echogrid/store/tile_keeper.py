@@ -18,10 +18,10 @@ from echogrid.core.map.tiled_map import TiledMap
 from echogrid.store.epoch import Description
 from echogrid.store.store_file import ForeignFileError, State, StoreError
 from echogrid.store.tile_store import TileStore
-from echogrid.threads import WAIT
 
 log = logging.getLogger("echogrid")
 MOST_WAITING = 64  # tiles without room in memory that wait for the disk
+LOOKS = 0.5  # s: whether to flush is asked so often at least
 AT_ONCE = 32  # tiles that are copied to be written together
 GOES_ON = "; mapping continues in memory"
 Waiting = dict[tuple[int, TileKey], Tile]  # by epoch
@@ -83,7 +83,7 @@ class TileKeeper:
 
     def run(self, stop: threading.Event) -> None:
         """Flushes whenever that is due, until `stop`."""
-        while not stop.wait(WAIT):
+        while not stop.wait(min(self.flush_s, LOOKS)):
             if self.due():
                 self.flush()
 

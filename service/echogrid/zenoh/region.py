@@ -7,6 +7,7 @@ import math
 import queue
 import threading
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -17,7 +18,6 @@ from echogrid.core.map.map_delta import Rectangle
 from echogrid.core.map.tile import SIDE
 from echogrid.core.map.tiled_map import LogOdds
 from echogrid.errors import EchogridError
-from echogrid.threads import WAIT
 from echogrid.topics.announcer import MAP_FRAME, occupancy_percent
 from echogrid.topics.grids import Grid, encode_grid
 from echogrid.topics.topic import FLEET, FULL, REGION, TILE
@@ -57,7 +57,7 @@ class Regions:
         self.reader = reader
         self.vehicle, self.gid = publisher.vehicle, publisher.gid
         self.sequence = 0
-        self.waiting: queue.Queue[zenoh.Query] = queue.Queue(MOST_WAITING)
+        self.waiting: queue.Queue[zenoh.Query | None] = queue.Queue(MOST_WAITING)
         # Called in Zenoh's own thread: with a thread between them, a program that ends without closing would never end.
         take = zenoh.handlers.Callback(self._take, indirect=False)
         keys = (key(publisher.vehicle, REGION), key(publisher.vehicle, f"{TILE}/*/*"))
@@ -66,9 +66,8 @@ class Regions:
     def run(self, stop: threading.Event) -> None:
         """Answers until `stop`. A query that cannot be answered gets the reason as its reply."""
         while not stop.is_set():
-            try:
-                query = self.waiting.get(timeout=WAIT)
-            except queue.Empty:
+            query = self.waiting.get()
+            if query is None:
                 continue
             with query:  # the client waits for more until the query is dropped
                 try:
@@ -77,6 +76,11 @@ class Regions:
                     _refuse(query, str(error))
                 except zenoh.ZError as error:
                     log.warning("a query could not be answered: %s", error)
+
+    def wake(self) -> None:
+        """So that `run` sees that it is to stop."""
+        with suppress(queue.Full):  # then it is awake
+            self.waiting.put_nowait(None)
 
     def _take(self, query: zenoh.Query) -> None:
         try:

@@ -1,0 +1,72 @@
+"""Frames of an interface that has nothing to select on: a thread waits for them, and rings."""
+
+from __future__ import annotations
+
+import os
+import threading
+
+import can
+
+from echogrid.can.intake.frames import FrameBatch
+from echogrid.threads import WAIT
+
+
+class Watched:
+    """A bus whose thread waits for the first frame; who takes it takes those behind it too, and so lets the thread wait again.
+
+    `reads` turns true once the interface has been read without a fault.
+    """
+
+    def __init__(self, bus: can.BusABC, most: int) -> None:
+        self.reads = False
+        self._bus = bus
+        self._most = most
+        self._bell = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._first: can.Message | None = None
+        self._fault: Exception | None = None
+        self._ended = False
+        self._taken = threading.Semaphore(0)
+        self._thread = threading.Thread(target=self._watch, name="watch", daemon=True)
+        self._thread.start()
+
+    def fileno(self) -> int:
+        """Readable while there is something to take."""
+        return self._bell
+
+    def take(self, channel: str | int | None) -> FrameBatch | None:
+        """The frames that are there, as of `channel`; None where there are none. Never waits. Raises what the interface raised."""
+        try:
+            os.eventfd_read(self._bell)
+        except BlockingIOError:
+            return None
+        if self._fault is not None:
+            raise self._fault
+        messages: list[can.Message] = []
+        message = self._first
+        while message is not None:
+            message.channel = channel
+            messages.append(message)
+            message = self._bus.recv(0) if len(messages) < self._most else None
+        self._taken.release()
+        return FrameBatch.of(messages)
+
+    def close(self) -> None:
+        """The interface itself stays open. Nothing is taken afterwards."""
+        self._ended = True
+        self._taken.release()
+        self._thread.join()
+        os.close(self._bell)
+
+    def _watch(self) -> None:
+        while not self._ended:
+            try:
+                self._first = self._bus.recv(WAIT)
+            except Exception as fault:  # each of python-can's interfaces raises what its driver raises
+                self._fault = fault
+            self.reads |= self._fault is None
+            if self._first is None and self._fault is None:
+                continue
+            os.eventfd_write(self._bell, 1)
+            if self._fault is not None:
+                return
+            self._taken.acquire()
