@@ -16,6 +16,7 @@ from tests.support.waiting import until
 
 from echogrid.can.bus import MOST
 from echogrid.can.frame_queue import Item
+from echogrid.can.intake.frames import FrameBatch
 from echogrid.config.tables import Bus
 from echogrid.live.receiving import Receiving
 
@@ -87,9 +88,13 @@ def test_while_one_look_is_mapped_for_long_the_guard_reads(guarded: Receiving, s
 
 def test_while_the_mapping_waits_the_guard_does_not_read(guarded: Receiving, senders: list[can.BusABC]) -> None:
     """Else a frame would lie in the queue, of which the waiting thread knows nothing."""
-    put = guarded.queue.put
-    readers = set[threading.Thread]()
-    guarded.queue.put = lambda bus, batch: (readers.add(threading.current_thread()), put(bus, batch))[1]  # type: ignore[method-assign]
+    put, readers = guarded.queue.put, set[threading.Thread]()
+
+    def noted(bus: str, batch: FrameBatch) -> None:
+        readers.add(threading.current_thread())
+        put(bus, batch)
+
+    guarded.queue.put = noted  # type: ignore[method-assign]
     timer = threading.Timer(0.3, senders[0].send, (frame(0x100, b"", 1.0),))
     timer.start()
     assert stamps(until(lambda: guarded.look(0.5))) == [1.0]
