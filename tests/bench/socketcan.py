@@ -1,7 +1,8 @@
-"""The running service on real CAN interfaces, fed at the buses' pace by this process: its share of a core.
+"""The running service on real CAN interfaces, fed at the buses' pace by another process: its share of a core.
 
-`python -m tests.bench.socketcan [SECONDS]`, as root on a machine with vcan, or in the rig's guest:
-`python -m tests.rig.guest env python -m tests.bench.socketcan`. Prints one line of JSON.
+`python -m tests.bench.socketcan [SECONDS]`, as root. Where this machine has no vcan, it runs itself in the rig's guest, and says too what
+the guest as a whole took of this machine's time with the service, less what it took for the sender alone: the guest's own clock counts
+whole ticks, by chance. Prints one line of JSON.
 """
 
 from __future__ import annotations
@@ -9,13 +10,18 @@ from __future__ import annotations
 import json
 import sys
 import tempfile
+import threading
 import time
+from bisect import bisect
+from contextlib import suppress
+from os import getpid
 from pathlib import Path
 
-from tests.rig import real_bus
+from tests.rig import guest, real_bus
 from tests.rig.test_can import running
 
 CPUCLOCK_SCHED = 2  # linux/posix-timers.h
+SAMPLES = 0.1  # s from one look at the guest's processor time to the next
 
 
 def spent(process: int) -> float:
@@ -25,12 +31,15 @@ def spent(process: int) -> float:
 
 
 def share(seconds: float) -> dict[str, object]:
-    """Of `seconds` of the demo drive, radars and motion on buses of their own."""
+    """Of `seconds` of the demo drive, radars and motion on buses of their own. `alone`, `with_service`: when it was played."""
     messages = real_bus.drive(seconds)
-    with tempfile.TemporaryDirectory() as folder, running(Path(folder), one_bus=False) as service, real_bus.senders() as buses:
-        before, begun = spent(service.process.pid), time.monotonic()
+    with real_bus.senders() as buses:
+        alone = time.time()
         real_bus.play(messages, buses)
-        wall, took = time.monotonic() - begun, spent(service.process.pid) - before
+    with tempfile.TemporaryDirectory() as folder, running(Path(folder), one_bus=False) as service, real_bus.senders() as buses:
+        before, begun = spent(service.process.pid), time.time()
+        real_bus.play(messages, buses)
+        wall, took = time.time() - begun, spent(service.process.pid) - before
         read = len(service.read(messages))
         status = service.status_when(lambda status: status["frames"] >= read)
         service.stop()
@@ -41,9 +50,60 @@ def share(seconds: float) -> dict[str, object]:
         "latency_ms": status["latency_ms"],
         "rss_mib": round(status["rss_mib"]),
         "overflow": [bus["overflow"] for bus in status["buses"].values()],
+        "alone": (alone, alone + seconds),
+        "with_service": (begun, begun + seconds),
     }
 
 
+def in_guest(seconds: float) -> dict[str, object]:
+    """The same in the rig's guest, with `share_by_host`."""
+    times, took, ended = list[float](), list[float](), threading.Event()
+
+    def sample() -> None:
+        while not ended.wait(SAMPLES):
+            times.append(time.time())
+            took.append(by_children())
+
+    sampler = threading.Thread(target=sample)
+    sampler.start()
+    answer = guest.run([sys.executable, "-m", "tests.bench.socketcan", str(seconds)])
+    ended.set()
+    sampler.join()
+    if answer.status != 0:
+        sys.exit(f"tests.bench.socketcan: {answer.output}")
+    found: dict[str, object] = json.loads(answer.output.splitlines()[-1])
+
+    def rate(phase: object) -> float:
+        assert isinstance(phase, list)
+        first, last = (bisect(times, at) for at in phase)
+        return (took[last] - took[first]) / (times[last] - times[first])
+
+    found["share_by_host"] = round(rate(found.pop("with_service")) - rate(found.pop("alone")), 3)
+    return found
+
+
+def by_children() -> float:
+    """s that sessions begun by this process have run: the guest's kernel and its processes, each of which is one here too."""
+    total = 0
+    for process in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):  # it has ended meanwhile
+            session = stat(process)[3]
+            if session != "0" and stat(Path("/proc", session))[1] == str(getpid()):
+                total += sum(int((task / "schedstat").read_text().split()[0]) for task in process.glob("task/*"))
+    return total * 1e-9
+
+
+def stat(process: Path) -> list[str]:
+    """The fields of /proc/PID/stat behind the name: state, parent, group, session."""
+    return (process / "stat").read_text().rpartition(")")[2].split()
+
+
 if __name__ == "__main__":
-    with real_bus.interfaces():
-        print(json.dumps(share(float(sys.argv[1]) if len(sys.argv) > 1 else 20.0)))
+    length = float(sys.argv[1]) if len(sys.argv) > 1 else 20.0
+    try:
+        with real_bus.interfaces():
+            print(json.dumps(share(length)))
+    except real_bus.NoInterfacesError as why:
+        if lack := guest.missing():
+            sys.exit(f"tests.bench.socketcan: {why}; {lack}")
+        print(json.dumps(in_guest(length)))

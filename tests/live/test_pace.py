@@ -7,7 +7,6 @@ import time
 import pytest
 
 from echogrid.can.bus import GATHER
-from echogrid.live import pace as module
 from echogrid.live.pace import DRIFT, LONGEST, Pace
 
 
@@ -15,7 +14,7 @@ from echogrid.live.pace import DRIFT, LONGEST, Pace
 def rested(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """How long each rest was, none of which takes any time."""
     rests = list[float]()
-    monkeypatch.setattr(module.time, "sleep", rests.append)
+    monkeypatch.setattr(time, "sleep", rests.append)
     return rests
 
 
