@@ -308,3 +308,23 @@ def test_a_zip_bomb_and_noise_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
     (tmp_path / "map.npz").write_bytes(b"noise")
     with pytest.raises(EchogridError, match="is not a map with the arrays log_odds, origin and cell: File is not a zip file"):
         dense_map.read_npz(tmp_path / "map.npz")
+
+
+def test_grey_is_a_share_of_the_pictures_own_maximum(tmp_path: Path) -> None:
+    """Whether its numbers are text, bytes or words: findings/opencv_pgm_maxval.sh reads one of these otherwise."""
+    pictures = {
+        "plain": b"P5\n3 1\n255\n" + bytes((0, 120, 255)),
+        "text": b"P2\n3 1\n85\n0 40 85\n",
+        "bytes": b"P5\n3 1\n85\n" + bytes((0, 40, 85)),
+        "words": b"P5\n3 1\n21845\n" + np.array((0, 10280, 21845), ">u2").tobytes(),
+    }
+    for name, data in pictures.items():
+        (tmp_path / name).with_suffix(".pgm").write_bytes(data)
+        (tmp_path / name).with_suffix(".yaml").write_text(
+            f"image: {name}.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\nmode: scale\n"
+        )
+    maps = {name: map_server.read((tmp_path / name).with_suffix(".yaml")).log_odds for name in pictures}
+    assert maps["plain"][0, 0] > 3
+    assert maps["plain"][0, 2] < -3
+    for read in maps.values():
+        np.testing.assert_array_equal(read, maps["plain"])
