@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +71,22 @@ def test_a_drive_without_a_map_leaves_no_map_of_an_earlier_one(motorway: Path, t
     with pytest.raises(NoMapError):
         replay(find_drive(only_motion, motorway / "echogrid.toml"), out)
     assert {path.name for path in out.iterdir()} == {"summary.json"}
+
+
+def test_a_run_that_ends_while_it_writes_leaves_nothing_of_an_earlier_one(
+    motorway: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No summary that is of another map, and no picture beside the origin of another."""
+    drive, out = find_drive(motorway, None), tmp_path / "out"
+    replay(drive, out)
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(map_files.map_server, "write", full)
+    with pytest.raises(OSError, match="No space left on device"):
+        replay(drive, out)
+    assert {path.name for path in out.iterdir()} == {"trajectory.csv", "map.npz"}
 
 
 def test_true_poses_of_another_time_are_not_compared(motorway: Path, tmp_path: Path) -> None:

@@ -77,6 +77,8 @@ class Recorder:
         out.mkdir(parents=True, exist_ok=True)
         occupancy = self.pipeline.mapper.map
         with named(out):
+            for name in ("summary.json", *FILES):  # of an earlier run: should this one end here, none is beside those of another drive
+                (out / name).unlink(missing_ok=True)
             digest, written = write_map(out, occupancy, *self.way.arrays()) if self.pipeline.health.cycles else (None, [])
         wide = too_wide(occupancy)
         faults, notes = [*faults, *([] if wide is None else [wide])], [*notes, *self._forgotten()]
@@ -87,11 +89,8 @@ class Recorder:
         if truth is not None and len(self.way) and "trajectory_rmse_m" not in summary:
             notes.append("the true poses beside the recording are of other times, and are not used")
         summary["files"] = sorted([*written, "summary.json"])
-        with named(out):
-            for name in set(FILES) - set(written):
-                (out / name).unlink(missing_ok=True)  # of an earlier run: it is not this drive's
-            with whole(out / "summary.json") as partial:
-                partial.write_text(json.dumps(summary, indent=2) + "\n")
+        with named(out), whole(out / "summary.json") as partial:
+            partial.write_text(json.dumps(summary, indent=2) + "\n")
         return summary
 
     def _forgotten(self) -> list[str]:
