@@ -25,6 +25,7 @@ from tests.support import mcap_files
 from tests.support.frames import FRAMES
 from tests.support.waiting import PATIENCE
 
+from echogrid.commands.run import named_by_time
 from echogrid.core.motion.se2 import SE2
 from echogrid.errors import EchogridError
 from echogrid.logs.formats import mcap_log
@@ -225,6 +226,17 @@ def test_a_log_with_ever_new_channels_is_recorded_as_far_as_channels_go(tmp_path
                 taken.append(name)
     assert taken == ["a", "c", "d", "a"]
     assert [frame.channel for frame in Log(tmp_path / "a.mcap")] == taken
+
+
+def test_in_a_folder_each_start_has_a_recording_of_its_own(tmp_path: Path) -> None:
+    """However fast they follow, and also where the clock begins each time at the same."""
+    for _ in range(3):
+        named_by_time(tmp_path, 1_767_225_600.0).touch()
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "20260101T000000Z-2.mcap",
+        "20260101T000000Z-3.mcap",
+        "20260101T000000Z.mcap",
+    ]
 
 
 def test_no_file_is_replaced_and_what_cannot_be_made_is_said(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import signal
 import sqlite3
 import subprocess
@@ -131,6 +132,20 @@ def test_a_service_with_sixteen_tiles_keeps_the_map_of_the_log_bit_for_bit(drive
             np.testing.assert_array_equal(one, other)
 
 
+def test_a_map_begun_after_the_clock_was_set_back_begins_by_the_new_clock(drive: Drive, tmp_path: Path) -> None:
+    pipeline, path = Pipeline(load_config(drive.config), drive.config), tmp_path / "a.egmap"
+    before = FrameBatch.joined(list(Log(drive.log).batches())).where(slice(0, 1500))
+    after = dataclasses.replace(before, stamps=before.stamps - 50.0)
+    with pipeline.keep(path, round(float(before.stamps[0]) * 1e9), threading.Lock()):
+        assert sum(1 for _ in pipeline.updates([before, after])) > 10
+        pipeline.mapper.end_cycle()
+    with TileStore(path) as store:
+        one, other = store.epochs()
+    for epoch, batch in ((one, before), (other, after)):
+        assert epoch.newest_ns is not None
+        assert batch.stamps[0] * 1e9 - 1 <= epoch.description.begun_ns <= epoch.newest_ns <= batch.stamps[-1] * 1e9
+
+
 @pytest.fixture
 def config(tmp_path: Path, port: int) -> tuple[Path, int]:
     """A service on a bus without traffic."""
@@ -153,6 +168,28 @@ def test_a_service_counts_its_epochs_on_over_restarts_and_says_how_its_store_far
             assert store.numbers() == [run]
             assert store.description(run).vehicle == "test"
             assert abs(store.description(run).begun_ns - time.time_ns()) < 60e9
+
+
+def test_a_service_that_cannot_start_leaves_the_store_to_the_one_that_runs(config: tuple[Path, int]) -> None:
+    """Started twice by mistake, or again and again while a port is taken or a bus is missing."""
+    path, _ = config
+    service = Service(Pipeline(load_config(path), path))
+    running = threading.Thread(target=service.run)
+    running.start()
+    try:
+        assert service.live.wait(PATIENCE)
+        assert service.keeper is not None
+        with pytest.raises(EchogridError, match="cannot be listened on: another program has this port"):
+            Service(Pipeline(load_config(path), path)).run()
+        with TileStore(service.keeper.path) as store:
+            assert store.numbers() == [1]
+            assert store.next_epoch() == 2
+        service.pipeline.mapper.map.clear(0)
+        until(lambda: service.keeper is not None and service.keeper.status.epoch == 2)
+        assert service.keeper.status.state == "ok"
+    finally:
+        service.workers.stop.set()
+        running.join()
 
 
 def test_a_service_refuses_another_file_before_it_opens_anything(config: tuple[Path, int], tmp_path: Path) -> None:

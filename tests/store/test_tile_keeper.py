@@ -161,18 +161,18 @@ def test_a_map_begun_anew_is_another_epoch_and_the_old_one_is_whole(tmp_path: Pa
                 if epoch == first:
                     kept.flush()
                 if epoch < first + 2:
-                    car.map.clear()
+                    car.map.clear(car.seconds * 10**9 + 5)
                     assert car.map.bounds() == (0, 0, 0, 0)
                     assert kept.snapshot((0, 0)) is None
             assert kept.epoch == first + 2
     with TileStore(path) as store:
         assert store.numbers() == [1, 2, 3, 4, 5, 6]
-        assert [store.description(epoch).begun_ns for epoch in (1, 2, 3)] == [1, 20 * 10**9, 40 * 10**9]
+        assert [store.description(epoch).begun_ns for epoch in (1, 2, 3)] == [1, 20 * 10**9 + 5, 40 * 10**9 + 5]
     car = Car(4096, seed=1)
     for epoch in (1, 2, 3):
         car.drive(20)
         assert in_file(path, epoch) == everything(car.map)
-        car.map.clear()
+        car.map.clear(0)
 
 
 def test_a_full_disk_is_a_state_that_ends_with_it(tmp_path: Path) -> None:
@@ -283,7 +283,7 @@ def test_another_process_that_writes_the_same_file_is_a_state(tmp_path: Path) ->
     with keeper(path, car) as kept:
         with TileStore(path, write=True) as other:
             assert other.begin(describe(car.map, "car", ("front",), 1)) == 2
-        car.map.clear()  # whose number is taken
+        car.map.clear(0)  # whose number is taken
         car.drive(5)
         kept.flush()
         assert kept.status.state == "failed"

@@ -158,7 +158,7 @@ def test_an_older_map_is_read_from_the_store(endpoint: str, tmp_path: Path, pipe
         first = pipeline.mapper.epoch
         before = occupancy_percent(pipeline.mapper.map.window(-30, -40, 60, 200))
         keeper.flush()
-        pipeline.mapper._start_new_map("as after a gap in the ego motion")
+        pipeline.mapper._start_new_map("as after a gap in the ego motion", pipeline.mapper.map.stamp_ns)
         with answering(endpoint, MapReader(pipeline.mapper, lock, keeper)), Client(endpoint, "test") as client:
             until_there(client)
             box = (-40 * CELL, -30 * CELL, 160 * CELL, 30 * CELL)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import signal
 import time
@@ -23,7 +24,7 @@ def run(config_path: Path, model: str | None = None, record: Path | None = None,
     """
     begin()
     if record is not None and record.is_dir():
-        record /= time.strftime("%Y%m%dT%H%M%SZ.mcap", time.gmtime())
+        record = named_by_time(record, time.time())
     service = Service(Pipeline(load_config(config_path, model), config_path), record=record, foxglove=foxglove)
     notifier = service.manager.notifier
 
@@ -42,3 +43,10 @@ def run(config_path: Path, model: str | None = None, record: Path | None = None,
     settle()
     service.run()
     log.info("stopped after %d cycles", service.pipeline.health.cycles)
+
+
+def named_by_time(folder: Path, now_s: float) -> Path:
+    """A recording in it that is not there yet, at a time of Unix. Computers without a clock of their own begin each time at the same."""
+    stem = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime(now_s))
+    names = (f"{stem}{'' if number == 1 else f'-{number}'}.mcap" for number in itertools.count(1))
+    return next(folder / name for name in names if not (folder / name).exists())

@@ -132,7 +132,7 @@ class Mapper:
         """A sample that cannot be true is left out; one that does not continue those before begins a new map."""
         verdict = self.watch.motion.judge(motion)
         if verdict in NEW_MAP:
-            self._start_new_map(f"ego motion: {verdict.value}")
+            self._start_new_map(f"ego motion: {verdict.value}", motion.stamp_ns)
             verdict = self.watch.motion.judge(motion)
         if verdict is GOOD:
             self.odometry.add(motion)
@@ -198,7 +198,7 @@ class Mapper:
         self._learn()
         gathering = self.gathering
         if gathering.begin_ns is not None and now_ns < gathering.begin_ns - BACK_NS:
-            self._start_new_map("the clock was set back")
+            self._start_new_map("the clock was set back", now_ns)
         elif gathering.begin_ns is not None and not gathering.is_whole(now_ns, self._awaited()):
             return None
         gathering.end(now_ns, empty=not self.pending)
@@ -247,9 +247,9 @@ class Mapper:
         """How well the car's motion is known at the newest pose."""
         return self.odometry.errors.certainty(ego.speed, ego.yaw_rate)
 
-    def _start_new_map(self, why: str) -> None:
+    def _start_new_map(self, why: str, begun_ns: int) -> None:
         """Another map: where the car is in the old one is not known any more."""
-        self.map.clear()
+        self.map.clear(begun_ns)
         self.history = History()
         self.odometry.restart()
         if self.frame is not None:
@@ -284,7 +284,7 @@ class Mapper:
             self.health.scans_without_pose += len(placed)
             return None
         if disputed is not None:
-            self._start_new_map(f"ego motion was not trusted ({disputed})")
+            self._start_new_map(f"ego motion was not trusted ({disputed})", sweep.newest.stamp_ns)
             return None
         trusted = [not self.watch.radars[one.scan.sensor].doubts for one in placed]
         for one, is_trusted in zip(placed, trusted, strict=True):

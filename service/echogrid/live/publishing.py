@@ -43,7 +43,7 @@ class Publishing:
         while not stop.is_set():
             if time.monotonic() >= meta_due:
                 self.send((self._announcer.meta(time.time_ns()),))
-                meta_due += META_PERIOD
+                meta_due = _next(meta_due, META_PERIOD)
             snapshot = self._outbox.get(timeout=max(status_due - time.monotonic(), 0.0))
             if snapshot is not None:
                 self.send(self._announcer.map(snapshot, self.wanted))
@@ -52,7 +52,7 @@ class Publishing:
                 status = self._status()
                 tell(status)
                 manager.tell(status)
-                status_due += STATUS_PERIOD
+                status_due = _next(status_due, STATUS_PERIOD)
         tell({**self._status(), "state": "stopped", "reasons": ()})
 
     def wanted(self, topic: Topic) -> bool:
@@ -72,3 +72,9 @@ class Publishing:
                 except EchogridError as error:
                     self.sinks.remove(sink)
                     log.error(f"{error}; continuing without it")  # each is logged
+
+
+def _next(due: float, period: float) -> float:
+    """When it is due again: a process that was stopped for an hour has nothing to make up for."""
+    now = time.monotonic()
+    return due + period if due + period > now else now + period

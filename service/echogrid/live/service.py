@@ -27,7 +27,7 @@ from echogrid.recording.foxglove import Foxglove
 from echogrid.recording.mcap_recorder import McapRecorder
 from echogrid.store.learned_file import LEARNED
 from echogrid.store.store_file import SUFFIX
-from echogrid.store.tile_keeper import TileKeeper
+from echogrid.store.tile_keeper import TileKeeper, check_ours
 from echogrid.threads import Workers
 from echogrid.topics.announcer import Announcer
 from echogrid.watching.metrics import Metrics
@@ -122,23 +122,15 @@ class Service:
         try:
             path = store_path(self.config)
             if path is not None:
-                begun_ns = time.time_ns() if self._begun_ns is None else self._begun_ns
-                self.keeper = opened.enter_context(self.pipeline.keep(path, begun_ns, self.mapping.lock))
-                self.workers.add("keeper", self.keeper.run)
-                learned = LearnedKeeper(path.with_suffix(LEARNED), self.config, self.pipeline.mapper.odometry.errors, self.mapping.lock)
-                self.workers.add("learned", learned.run)
+                check_ours(path)  # before a bus or a port is opened
             publisher = opened.enter_context(Publisher(self.config.publish, self.config.vehicle, self.config.ros, self.config.pose))
             self.publisher = publisher
             self.publishing.sinks.append(publisher)
             if self.config.pose is not None and self.config.pose.key is not None:
                 self.mapping.poses = PoseFeed(publisher.session, self.config.pose, self.pipeline.health.pose).take
-            reader = MapReader(self.pipeline.mapper, self.mapping.lock, self.keeper)
-            regions = Regions(publisher, self.config.grid.cell, reader)
-            self.workers.add("regions", regions.run, regions.wake)
             metrics = opened.enter_context(Metrics(self.config.metrics, self.config.vehicle))
-            self.workers.add(
-                "publisher", partial(self.publishing.run, manager=self.manager, measure=metrics.update), self.mapping.outbox.wake
-            )
+            publish = partial(self.publishing.run, manager=self.manager, measure=metrics.update)
+            self.workers.add("publisher", publish, self.mapping.outbox.wake)
             self.receiving.open(self.config.bus, opened)
         except EchogridError as error:
             raise EchogridError(f"{self.pipeline.signals.source}: {error}") from error
@@ -151,6 +143,20 @@ class Service:
             opened.callback(self.recorder.close)
             self.publishing.sinks.append(self.recorder)
             self.workers.add("recorder", self.recorder.run)
+        self._keep(path, opened)
+        reader = MapReader(self.pipeline.mapper, self.mapping.lock, self.keeper)
+        regions = Regions(publisher, self.config.grid.cell, reader)
+        self.workers.add("regions", regions.run, regions.wake)
+
+    def _keep(self, path: Path | None, opened: ExitStack) -> None:
+        """Last of all, when nothing can be refused any more: who begins an epoch ends that of a service that writes the same file."""
+        if path is None:
+            return
+        begun_ns = time.time_ns() if self._begun_ns is None else self._begun_ns
+        self.keeper = opened.enter_context(self.pipeline.keep(path, begun_ns, self.mapping.lock))
+        self.workers.add("keeper", self.keeper.run)
+        learned = LearnedKeeper(path.with_suffix(LEARNED), self.config, self.pipeline.mapper.odometry.errors, self.mapping.lock)
+        self.workers.add("learned", learned.run)
 
     def _report_live(self) -> None:
         self.live.set()

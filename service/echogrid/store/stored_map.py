@@ -31,7 +31,7 @@ class _StoredTiles:
     def store(self, key: TileKey, tile: Tile) -> None:
         raise TypeError("a stored map is read only")
 
-    def clear(self) -> None:
+    def clear(self, begun_ns: int) -> None:
         raise TypeError("a stored map is read only")
 
 

@@ -41,6 +41,12 @@ class StoreStatus:
     removed: int = 0  # older epochs that made room
 
 
+def check_ours(path: Path) -> None:
+    """Raises ForeignFileError where another file than one of ours is there; one that cannot be read is left to the keeper."""
+    with suppress(StoreError), TileStore(path):
+        pass
+
+
 class TileKeeper:
     """The shelf of a running map, open from construction to `close` or the end of `with`.
 
@@ -66,6 +72,7 @@ class TileKeeper:
         self._asking = threading.Lock()
         self.epoch = self._first_epoch()
         self._begun_ns = {self.epoch: description.begun_ns}  # of the running epoch, and of those before it that wait
+        self._ended_ns: dict[int, int] = {}  # of those before it: the newest update that is in them
         self._begun: set[int] = set()  # of these: those that the file has
         self.flush()
 
@@ -144,10 +151,11 @@ class TileKeeper:
         """Of the running epoch."""
         return self._stored | {key for epoch, key in self._waiting if epoch == self.epoch}
 
-    def clear(self) -> None:
+    def clear(self, begun_ns: int) -> None:
         """The next epoch begins."""
+        self._ended_ns[self.epoch] = self.map.stamp_ns
         self.epoch += 1
-        self._begun_ns[self.epoch] = self.map.stamp_ns
+        self._begun_ns[self.epoch] = begun_ns
         self._stored = set()
 
     def snapshot(self, key: TileKey) -> Tile | None:
@@ -216,7 +224,7 @@ class TileKeeper:
             tiles = {key: tile for (of, key), tile in waiting.items() if of == epoch}
             if not tiles:
                 continue
-            store.write(epoch, tiles, stamp_ns)
+            store.write(epoch, tiles, stamp_ns if epoch == running else self._ended_ns[epoch])
             self.status.written += len(tiles)
             with self.lock:
                 for key, tile in tiles.items():
@@ -227,6 +235,7 @@ class TileKeeper:
         with self.lock:
             self.status.epoch = self.epoch
             self._begun_ns = {epoch: begun_ns for epoch, begun_ns in self._begun_ns.items() if epoch >= running}
+            self._ended_ns = {epoch: ended_ns for epoch, ended_ns in self._ended_ns.items() if epoch >= running}
             self._begun &= self._begun_ns.keys()
 
     def _make_room(self, store: TileStore) -> bool:

@@ -48,7 +48,7 @@ class Drawer:
     def keys(self) -> set[TileKey]:
         return set(self.held)
 
-    def clear(self) -> None:
+    def clear(self, begun_ns: int) -> None:
         self.before.append(self.held)
         self.held = {}
 
@@ -142,7 +142,7 @@ def test_a_map_that_begins_anew_leaves_all_of_the_old_one_on_the_shelf() -> None
     occupancy.shelf = shelf
     for tile in range(5):
         occupancy.integrate(np.full((32, 32), 1.0 + tile, np.float32), SE2((tile + 0.5) * SIDE_M, SIDE_M / 2, 0.0))
-    occupancy.clear()
+    occupancy.clear(0)
     (before,) = shelf.before
     assert {key: tile.layers.max() for key, tile in before.items()} == {(0, tile): min(1.0 + tile, 3.5) for tile in range(5)}
     assert occupancy.bounds() == (0, 0, 0, 0)

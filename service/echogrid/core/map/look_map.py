@@ -53,8 +53,8 @@ class LookMap(TiledMap):
         self._begun: SE2 | None = None  # pose of the running look's first update
         self._updates = 0  # of the running look
 
-    def clear(self) -> None:
-        super().clear()
+    def clear(self, begun_ns: int) -> None:
+        super().clear(begun_ns)
         self._begun, self._updates = None, 0
 
     def takes(self, odom_from_base: SE2) -> bool:

@@ -42,8 +42,8 @@ class Shelf(Protocol):
     def keys(self) -> Set[TileKey]:
         """All that it has."""
 
-    def clear(self) -> None:
-        """What it has belongs to the map before: from now on it has nothing."""
+    def clear(self, begun_ns: int) -> None:
+        """What it has belongs to the map before: from now on it has nothing. `begun_ns`: when the next map begins, Unix time."""
 
 
 class TiledMap(ABC):
@@ -89,12 +89,12 @@ class TiledMap(ABC):
     def measured(self, layers: Layers) -> NDArray[np.bool_]:
         """(layers, H, W) -> (H, W): where plain geometry has a word in it; what is known elsewhere is learned only."""
 
-    def clear(self) -> None:
-        """Starts a new map: nothing is known. What the shelf has not yet goes there; `forgotten` goes on counting."""
+    def clear(self, begun_ns: int) -> None:
+        """Starts a new map, at a time of Unix: nothing is known. What the shelf has not yet goes there; `forgotten` goes on counting."""
         if self.shelf is not None:
             for key in self.dirty:
                 self.shelf.store(key, self.tiles[key])
-            self.shelf.clear()
+            self.shelf.clear(begun_ns)
         self.dirty.clear()
         self.tiles.clear()
 
