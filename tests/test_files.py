@@ -11,7 +11,7 @@ import pytest
 from echogrid.cli import _parser
 from echogrid.commands.replay import replay
 from echogrid.errors import EchogridError
-from echogrid.files import whole
+from echogrid.files import no_file, whole
 from echogrid.logs.drive import find_drive
 from tests.support import disk, world
 from tests.support.places import DEMO
@@ -49,6 +49,13 @@ def test_on_a_disk_that_takes_nothing_the_file_itself_is_named(tmp_path: Path) -
         with pytest.raises(OSError, match="Read-only file system") as refused:
             written(folder / "a.egmap")
         assert refused.value.filename == str(folder / "a.egmap")
+
+
+def test_a_link_to_nothing_is_not_said_to_be_meant(tmp_path: Path) -> None:
+    (tmp_path / "can.log").symlink_to("gone.log")
+    assert str(no_file(tmp_path / "can.log")) == f"{tmp_path / 'can.log'}: there is no such file"
+    (tmp_path / "can2.log").touch()
+    assert str(no_file(tmp_path / "can.log")).endswith(f"; did you mean {tmp_path / 'can2.log'}?")
 
 
 @pytest.mark.parametrize("line", ["map show /dev/null", "map info /dev/null", "map import /dev/null a.egmap"])

@@ -17,7 +17,7 @@ MOST_NAMES = 1000  # of a folder, among which a name is looked for
 def meant(path: Path) -> str:
     """The end of a sentence about a file that is not there: a name beside it that is nearly the same, or nothing."""
     try:
-        names = [entry.name for entry, _ in zip(path.parent.iterdir(), range(MOST_NAMES), strict=False)]
+        names = [entry.name for entry, _ in zip(path.parent.iterdir(), range(MOST_NAMES), strict=False) if entry.name != path.name]
     except OSError:
         return ""
     near = difflib.get_close_matches(path.name, names, n=1, cutoff=NEAR)

@@ -59,6 +59,7 @@ def test_the_smallest_configuration_drives(tmp_path: Path) -> None:
         (("x = 3.6", "x = 1e999"), "is not valid TOML: '1e999' is not a finite number"),
         (("x = 3.6", "x = " + "9" * 5000), "is not valid TOML: Exceeds the limit (4300 digits)"),
         (("x = 3.6", "x = " + "[" * 5000), "tables or arrays are nested too deeply"),
+        (("x = 3.6", "x" + ".a" * 5000 + " = 3.6"), "tables or arrays are nested too deeply"),
         (("x = 3.6", "x = 3.6 #" + "." * (1 << 20)), "holds more than 1024 KiB"),
         (('vehicle = "test"', "store.flush_s = 0"), "store.flush_s: 0 found, expected a number >= 0.1"),
         (('vehicle = "test"', "store.max_mib = 1"), "store.max_mib: 1 found, expected a whole number >= 16"),

@@ -28,4 +28,6 @@ def test_info_counts_what_is_there(stored: Path) -> None:
     text_ = "\n".join(lines(found, 1_700_007_200.0))
     assert "epoch 3: vehicle 'car', started 2023-11-14 22:13:20 UTC" in text_
     assert "(2 h ago)" in text_
+    before = "\n".join(lines(found, found["epochs"][0]["newest_s"] - 1800.0))  # the clock was set back since
+    assert "(30 min ahead of this computer's clock)" in before
     assert "radars   left, right, rear" in text_

@@ -115,6 +115,17 @@ def test_another_template_logger_or_level_is_another_message() -> None:
     assert logged(limit, "a") is logged(limit, "b") is None
 
 
+def test_what_is_said_of_one_bus_holds_back_nothing_of_another() -> None:
+    """Else one bus is lost and the other is back, as far as the journal knows."""
+    limit = RepeatFilter(60.0, Clock())
+    assert logged(limit, "bus '%s': lost: %s", "front", "a") == "bus 'front': lost: a"
+    assert logged(limit, "bus '%s': lost: %s", "rear", "a") == "bus 'rear': lost: a"
+    assert logged(limit, "bus '%s': lost: %s", "front", "b") is None
+    assert logged(limit, "%s", "map.egmap: the disk is full") == "map.egmap: the disk is full"
+    assert logged(limit, "%s", "map.learned.json: cannot be written") == "map.learned.json: cannot be written"
+    assert logged(limit, "%s", "map.egmap: the disk is full") is None
+
+
 def test_messages_that_are_all_different_do_not_fill_the_memory() -> None:
     limit = RepeatFilter(60.0, Clock())
     for n in range(10_000):

@@ -29,6 +29,7 @@ def load(path: Path, kind: type[T]) -> T:
     """The file as a `kind`. Raises EchogridError naming the file, the key, what was found and what was expected."""
     try:
         document = tomllib.loads(read(path, MOST_BYTES).decode("utf-8-sig"), parse_float=_finite)
+        nameless = _nameless(document)
     except EchogridError as error:
         raise EchogridError(f"{error}{_other(path)}") from error
     except UnicodeDecodeError as error:
@@ -37,7 +38,6 @@ def load(path: Path, kind: type[T]) -> T:
         raise EchogridError(f"{path}: tables or arrays are nested too deeply") from error
     except ValueError as error:  # TOMLDecodeError, and what Python says of endless numbers
         raise EchogridError(f"{path}: is not valid TOML: {error}{_other(path)}") from error
-    nameless = _nameless(document)
     if nameless is not None:
         raise EchogridError(f"{path}: {nameless}")
     try:

@@ -34,7 +34,7 @@ def lines(document: dict[str, Any], now_s: float) -> list[str]:
             x0, y0, x1, y1 = epoch["bounds_m"]
             out.append(f"  bounds   x {x0:.1f} … {x1:.1f} m, y {y0:.1f} … {y1:.1f} m")
         if epoch["newest_s"] is not None:
-            newest, oldest = (f"{_utc(at)} ({_age(now_s - at)} ago)" for at in (epoch["newest_s"], epoch["oldest_s"]))
+            newest, oldest = (f"{_utc(at)} ({_age(now_s - at)})" for at in (epoch["newest_s"], epoch["oldest_s"]))
             out.append(f"  in view  newest cell {newest}, oldest {oldest}")
         out.append(f"  radars   {', '.join(epoch['radars']) or 'not known'}")
     return out
@@ -70,10 +70,12 @@ def _utc(seconds: float) -> str:
 
 
 def _age(seconds: float) -> str:
+    """Of what another clock has stamped, or this one before it was set, it may be less than none."""
+    when = "ago" if seconds > -1 else "ahead of this computer's clock"
     for unit, length in (("days", 86400), ("h", 3600), ("min", 60)):
-        if seconds >= 2 * length:
-            return f"{seconds / length:.0f} {unit}"
-    return f"{seconds:.0f} s"
+        if abs(seconds) >= 2 * length:
+            return f"{abs(seconds) / length:.0f} {unit} {when}"
+    return f"{abs(seconds):.0f} s {when}"
 
 
 def _size(count: int) -> str:

@@ -56,19 +56,20 @@ class _Kind:
 
 
 class RepeatFilter(logging.Filter):
-    """Of messages of one logger, level and template the first passes at once, later ones at most once in `period` seconds.
+    """Of messages of one logger, level, template and first argument the first passes at once, later ones at most once in `period` seconds.
 
-    The next that passes says how many did not. `clock`: monotonic, in s.
+    The first argument says which bus, radar or file it is about. The next that passes says how many did not. `clock`: monotonic, in s.
     """
 
     def __init__(self, period: float = PERIOD, clock: Callable[[], float] = time.monotonic) -> None:
         super().__init__()
         self.period = period
         self.clock = clock
-        self._kinds: dict[tuple[str, int, str], _Kind] = {}
+        self._kinds: dict[tuple[str, int, str, str], _Kind] = {}
 
     def filter(self, record: logging.LogRecord) -> bool:
-        key, now = (record.name, record.levelno, str(record.msg)), self.clock()
+        about = str(record.args[0]) if isinstance(record.args, tuple) and record.args else ""
+        key, now = (record.name, record.levelno, str(record.msg), about), self.clock()
         kind = self._kinds.get(key)
         if kind is not None and now - kind.shown_at < self.period:
             kind.hidden += 1
