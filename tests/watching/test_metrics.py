@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import logging
 import re
+import socket
 import subprocess
 import sys
 import threading
 import urllib.request
 from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +21,13 @@ from prometheus_client.parser import text_string_to_metric_families as read_text
 from tests.support import world
 from tests.support.places import ROOT
 from tests.support.status import status
-from tests.support.waiting import PATIENCE
+from tests.support.waiting import PATIENCE, until
 
 from echogrid import __version__
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Metrics as Settings
 from echogrid.errors import EchogridError
+from echogrid.watching import openmetrics
 from echogrid.watching.metrics import Metrics
 
 Samples = dict[tuple[str, frozenset[tuple[str, str]]], float]
@@ -88,6 +91,30 @@ def test_the_endpoint_shows_the_newest_status(address: str) -> None:
     counted = sorted(value for (name, _), value in found.items() if name.endswith("_total"))
     assert counted == sorted(whole_numbers(sent))
     assert all(family.documentation for family in families)
+
+
+def test_who_connects_and_asks_nothing_keeps_no_thread(
+    address: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Monitoring that loses its network leaves such connections, and a service under systemd has 128 threads."""
+    monkeypatch.setattr(openmetrics._Handler, "timeout", 0.1)
+    host, port = address.split(":")
+    with Metrics(Settings(listen=address), "car") as metrics, ExitStack() as opened:
+        metrics.update(status())
+        before = threading.active_count()
+        held = [opened.enter_context(socket.create_connection((host, int(port)), PATIENCE)) for _ in range(5)]
+        assert all(one.recv(1) == b"" for one in held)  # hung up on
+        until(lambda: threading.active_count() <= before)
+        assert scrape(address)
+    assert capfd.readouterr().err == ""
+
+
+def test_a_file_that_one_who_was_killed_left_is_taken_away(tmp_path: Path) -> None:
+    (tmp_path / ".echogrid.prom.partial").write_text("half")
+    path = tmp_path / "echogrid.prom"
+    with Metrics(Settings(file=str(path)), "car") as metrics:
+        metrics.update(status())
+        assert list(tmp_path.iterdir()) == [path]
 
 
 def test_the_file_holds_the_same(tmp_path: Path, address: str) -> None:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
+from wsgiref.simple_server import WSGIRequestHandler
 
-from prometheus_client import CollectorRegistry, start_http_server, write_to_textfile
+from prometheus_client import CollectorRegistry, generate_latest, start_http_server
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoMetricFamily, Metric, StateSetMetricFamily
 
 from echogrid import __version__
@@ -15,6 +18,7 @@ from echogrid.store import store_file
 from echogrid.topics.diagnostics import LEVELS
 
 OTHERS = {"store": store_file.STATES, "recording": mcap_recorder.STATES, "pose": map_frame.STATES}  # each if configured
+IDLE = 10.0  # s: who asks for nothing so long is hung up on, and has no thread any more
 Tables = Mapping[tuple[str, ...], Mapping[str, Any]]  # label values -> a part's numbers
 
 
@@ -38,6 +42,7 @@ class Exposition:
     def serve(self, host: str, port: int) -> Callable[[], None]:
         """Answers HTTP requests in threads of its own until the returned function is called. Raises OSError."""
         server, thread = start_http_server(port, host, self._registry)
+        server.RequestHandlerClass = _Handler
 
         def close() -> None:
             server.shutdown()
@@ -48,7 +53,25 @@ class Exposition:
 
     def write(self, path: str) -> None:
         """Replaces the file as a whole, in the text format that node_exporter reads. Raises OSError."""
-        write_to_textfile(path, self._registry)
+        partial = Path(path).with_name(f".{Path(path).name}.partial")  # the same each time: kills do not leave ever more of them
+        try:
+            partial.write_bytes(generate_latest(self._registry))
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+
+
+class _Handler(WSGIRequestHandler):
+    """Logs no requests, and waits no longer than IDLE for one."""
+
+    timeout = IDLE
+
+    def handle(self) -> None:
+        with suppress(TimeoutError):
+            super().handle()
+
+    def log_message(self, *_: object) -> None:
+        pass
 
 
 def families(status: Mapping[str, Any], vehicle: str, taken_at: float) -> Iterator[Metric]:
