@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -65,3 +67,12 @@ def test_garbage_is_named(tmp_path: Path) -> None:
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(EchogridError, match="cannot be written: No such file"):
         keep(tmp_path / "nowhere" / "map.learned.json", "car", KEPT)
+
+
+def test_on_a_dead_disk_it_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def dead(_: Path) -> bool:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(Path, "exists", dead)
+    with pytest.raises(EchogridError, match=r"map\.learned\.json: cannot be read: Input/output error$"):
+        recall(tmp_path / "map.learned.json", "", 3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import sqlite3
@@ -18,7 +19,8 @@ from echogrid.core.map.look_map import Calibration, LookMap
 from echogrid.core.map.tile import SIDE, Tile, TileKey
 from echogrid.core.map.tiled_map import View
 from echogrid.core.motion.se2 import SE2
-from echogrid.store.store_file import ForeignFileError
+from echogrid.store import store_file
+from echogrid.store.store_file import ForeignFileError, StoreError
 from echogrid.store.stored_map import describe, stored_map
 from echogrid.store.tile_keeper import MOST_WAITING, TileKeeper
 from echogrid.store.tile_store import TileStore
@@ -257,6 +259,32 @@ def test_a_torn_file_is_a_state_and_is_left_as_it_is_until_it_is_moved_away(tmp_
         kept.flush()
         assert kept.status.state == "ok"
     assert in_file(path, kept.epoch) == roomy(10)
+
+
+def test_a_disk_that_dies_is_a_state_and_no_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where its cable is pulled: nothing on it can even be looked for."""
+    car = Car(max_tiles=64)
+    with keeper(tmp_path / "a.egmap", car) as kept:
+        car.drive(3)
+
+        def dead(*_: object, **__: object) -> None:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+        with monkeypatch.context() as pulled:
+            pulled.setattr(Path, "stat", dead)
+            pulled.setattr(Path, "is_dir", dead)
+            pulled.setattr(store_file, "_connect", dead)
+            kept.flush()
+            assert (kept.status.state, kept.status.reason) == (
+                "failed",
+                f"{tmp_path / 'a.egmap'}: Input/output error; mapping continues in memory",
+            )
+            failed = sqlite3.OperationalError("disk I/O error")
+            failed.sqlite_errorcode = sqlite3.SQLITE_IOERR  # type: ignore[misc]
+            with pytest.raises(StoreError, match="disk I/O error"), store_file.sqlite_errors(tmp_path / "a.egmap"):
+                raise failed
+        kept.flush()
+        assert kept.status.state == "ok"
 
 
 def test_a_file_that_is_taken_away_is_begun_anew_with_all_that_memory_holds(tmp_path: Path) -> None:

@@ -47,12 +47,14 @@ def keep(path: Path, car: str, kept: Kept) -> None:
 
 def recall(path: Path, car: str, size: int) -> Kept | None:
     """`size` errors; None where there is no file, or one of another configuration. Raises EchogridError where it is something else."""
-    if not path.exists():
-        return None
     try:
+        if not path.exists():
+            return None
         document = msgspec.json.decode(read(path, MOST_BYTES), type=Document)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise EchogridError(f"{path}: is not what echogrid learned of a car: {error}; move it away") from error
+    except OSError as error:  # where it cannot even be looked for
+        raise EchogridError(f"{path}: cannot be read: {error.strerror}") from error
     if document.version != VERSION or document.car != car:
         return None
     rows = document.covariance

@@ -71,23 +71,19 @@ def open_file(path: Path, write: bool) -> sqlite3.Connection:
 
 @contextmanager
 def sqlite_errors(path: Path) -> Iterator[None]:
-    """What SQLite raises, as StoreError; a file that is not a database, as ForeignFileError."""
+    """What SQLite and the disk raise, as StoreError; a file that is not a database, as ForeignFileError."""
     try:
         yield
     except sqlite3.Error as error:
         code = getattr(error, "sqlite_errorcode", 0) & 0xFF
         if code == sqlite3.SQLITE_NOTADB:
             raise ForeignFileError(_foreign(path, "it is not an SQLite file")) from error
-        state, folder, why = STATE_OF_ERROR.get(code, "failed"), path.absolute().parent, str(error)
-        if code == sqlite3.SQLITE_CANTOPEN and not folder.is_dir():
-            why = f"there is no folder {folder}"
-        elif code == sqlite3.SQLITE_CANTOPEN and not os.access(folder, os.W_OK):
-            state = "read-only"
-        elif code == sqlite3.SQLITE_IOERR and folder.is_dir() and shutil.disk_usage(folder).free < LEAST:
-            state, why = "full", "the disk is full"  # SQLite says so of its database alone, not of what it keeps beside it
+        state, why = _cause(code, path.absolute().parent, str(error))
         raise StoreError(f"{path}: {why}", state) from error
     except UnicodeDecodeError as error:  # of a name in the schema, or of what SQLite says of it
         raise StoreError(f"{path}: a text in it is not UTF-8") from error
+    except OSError as error:  # of a disk that is dead, whose files cannot even be looked for
+        raise StoreError(f"{path}: {error.strerror}") from error
 
 
 @contextmanager
@@ -124,6 +120,20 @@ def _closed_on_error(connection: sqlite3.Connection) -> Iterator[sqlite3.Connect
     except BaseException:
         connection.close()
         raise
+
+
+def _cause(code: int, folder: Path, said: str) -> tuple[State, str]:
+    """The state after an error of SQLite, and what to say of it."""
+    try:
+        if code == sqlite3.SQLITE_CANTOPEN and not folder.is_dir():
+            return "failed", f"there is no folder {folder}"
+        if code == sqlite3.SQLITE_CANTOPEN and not os.access(folder, os.W_OK):
+            return "read-only", said
+        if code == sqlite3.SQLITE_IOERR and folder.is_dir() and shutil.disk_usage(folder).free < LEAST:
+            return "full", "the disk is full"  # SQLite says so of its database alone, not of what it keeps beside it
+    except OSError:  # a dead disk cannot be asked
+        pass
+    return STATE_OF_ERROR.get(code, "failed"), said
 
 
 def _is_empty(connection: sqlite3.Connection) -> bool:
