@@ -160,6 +160,15 @@ def test_a_service_that_is_killed_leaves_all_but_the_last_moment(tmp_path: Path)
     assert attributes(got) == attributes(FRAMES * 2)
 
 
+def test_a_service_that_is_killed_in_its_first_moment_leaves_an_empty_recording(tmp_path: Path) -> None:
+    writer = McapWriter(tmp_path / "a.mcap")
+    try:
+        with pytest.raises(EchogridError, match="beyond message 0: it was not closed, its last part may be missing"):
+            next(iter(Log(tmp_path / "a.mcap")))
+    finally:
+        writer.abandon()
+
+
 def test_a_full_disk_ends_the_recording_and_says_so(tmp_path: Path) -> None:
     """The operating system refuses to let the file grow; all that was written before can be read."""
     path = tmp_path / "a.mcap"

@@ -199,6 +199,26 @@ def test_a_full_disk_is_a_state_that_ends_with_it(tmp_path: Path) -> None:
         assert in_file(folder / "a.egmap", 1) == roomy(35)
 
 
+def test_a_full_disk_is_given_back_what_was_removed_from_it(tmp_path: Path) -> None:
+    """The file and its log, by someone who makes room: a connection that reads would hold their blocks."""
+    with disk.small(tmp_path / "disk", kib=1024) as folder:
+        car = Car(max_tiles=4)
+        with keeper(folder / "a.egmap", car) as kept:
+            car.drive(40)
+            kept.flush()
+            car.map.window(-3 * SIDE, -3 * SIDE, 6 * SIDE, 6 * SIDE)  # reads what has no room in memory
+            assert kept.status.state == "ok"
+            (folder / "ballast").write_bytes(bytes(os.statvfs(folder).f_bavail * os.statvfs(folder).f_frsize))
+            car.drive(20)
+            kept.flush()
+            assert kept.status.state == "full"
+            for path in folder.glob("a.egmap*"):
+                path.unlink()
+            for _ in range(3):
+                kept.flush()
+            assert (kept.status.state, kept.status.reason) == ("ok", "")
+
+
 def test_a_disk_that_is_full_from_the_start_and_too_little_memory_cost_the_oldest_tiles(tmp_path: Path) -> None:
     with disk.small(tmp_path / "disk", kib=64) as folder:
         (folder / "ballast").write_bytes(bytes(os.statvfs(folder).f_bavail * os.statvfs(folder).f_frsize))

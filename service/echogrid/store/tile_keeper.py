@@ -69,6 +69,7 @@ class TileKeeper:
         self._due_at = time.monotonic()
         self._writer: tuple[TileStore, int] | None = None  # and the file's inode
         self._readers: dict[str, TileStore] = {}  # a connection of its own for the mapping, and one for all others
+        self._read_from = 0  # the file's inode, of the newest of these
         self._asking = threading.Lock()
         self.epoch = self._first_epoch()
         self._begun_ns = {self.epoch: description.begun_ns}  # of the running epoch, and of those before it that wait
@@ -180,8 +181,11 @@ class TileKeeper:
 
     def _opened(self) -> TileStore:
         """The file to write into. One that was moved away, removed or replaced is created again, with all tiles in memory."""
-        if self._writer is not None and self._writer[1] != _inode(self.path):
+        now = _inode(self.path)
+        if self._writer is not None and self._writer[1] != now:
             self._close_writer()
+        if self._readers and now not in (0, self._read_from):
+            self._close_readers()  # a file that was removed takes its room on the disk as long as it is open
         if self._writer is None:
             store = TileStore(self.path, write=True)
             self._writer = store, _inode(self.path)
@@ -261,7 +265,7 @@ class TileKeeper:
     def _read(self, who: str, epoch: int, key: TileKey) -> Tile | None:
         try:
             if who not in self._readers:
-                self._readers[who] = TileStore(self.path)
+                self._readers[who], self._read_from = TileStore(self.path), _inode(self.path)
             return self._readers[who].read(epoch, key)
         except (StoreError, ForeignFileError) as error:
             broken = self._readers.pop(who, None)
