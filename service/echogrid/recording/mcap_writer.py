@@ -13,6 +13,7 @@ import can
 
 from echogrid import __version__
 from echogrid.errors import EchogridError
+from echogrid.files import whole
 from echogrid.recording.bag import BagTopic, information, quality, serialized
 from echogrid.recording.viewer_channel import ViewerChannel, can_channel, recorded_channel
 from echogrid.topics.can_frame import LONGEST_NAME, encode_frame, stamp_ns
@@ -104,7 +105,8 @@ class McapWriter:
             self._writer.finish()  # type: ignore[no-untyped-call]  # nor here
         if self._folder is not None:
             described = information(self.path.name, self._bag, first, last)
-            (self._folder / "metadata.yaml").write_text(serialized({"rosbag2_bagfile_information": described}))
+            with whole(self._folder / "metadata.yaml") as partial:
+                partial.write_text(serialized({"rosbag2_bagfile_information": described}))
 
     def discard(self) -> None:
         """Takes all away again."""
