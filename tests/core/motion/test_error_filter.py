@@ -185,6 +185,23 @@ def test_the_next_drive_of_the_car_begins_with_what_is_known_of_it() -> None:
     assert sigma < found(cold, model.BIAS)[1]
 
 
+def test_a_car_that_stood_for_weeks_or_was_started_ever_again_learns_as_a_new_one_does() -> None:
+    """What nothing was learned of for long is unsure, but not as unsure as one likes: the next traffic would move it anywhere."""
+    drive = Driven(*town(30.0, seed=2), replace(KNOWN, scale=0.0), seed=3, detections=6)
+    _, new = model.prior(len(MOUNTS))
+    stood, started = ErrorFilter(tuple(MOUNTS)), ErrorFilter(tuple(MOUNTS))
+    for _ in range(1000):
+        stood.travel(IDENTITY, IDENTITY, 3600.0, 0.0, 0.0, 0.0)
+        started.recall(started.keep())
+    for errors in (stood, started):
+        assert (np.diag(errors.covariance)[model.POSE :] <= 9.01 * np.diag(new)[model.POSE :]).all()
+        odometry = follow(drive, errors=errors)
+        value, sigma = found(odometry, model.SCALE)
+        assert abs(value) < 3 * sigma
+        assert sigma < 0.01
+        assert np.linalg.eigvalsh(odometry.errors.covariance)[0] > -1e-15
+
+
 @pytest.mark.parametrize("rate", [0.06, -0.15])
 def test_creeping_with_wheels_at_0_makes_the_heading_unsure_and_the_place(rate: float) -> None:
     """By all that it turned, and by 0.3 m in a second, which grow as a random walk's."""

@@ -58,6 +58,7 @@ class ErrorFilter:
         self.scale = self.bias = 0.0  # what is taken off: a share, rad/s
         self.acceleration = self.turn_acceleration = 0.0  # m/s², rad/s²
         self._walk = model.wandering(len(radars))
+        self._most = model.most(len(radars))
         self._still = np.eye(len(self.mean))  # what a leg of no length makes of all errors
         self._smooth: tuple[float, float] | None = None
         self._unseen = 0.0  # rad that the car turned while its wheels showed 0
@@ -84,6 +85,7 @@ class ErrorFilter:
         self.mean[POSE:] = kept.mean
         rest = 0.0 if same_drive else model.resting(len(self.radars))[POSE:, POSE:]
         self.covariance[POSE:, POSE:] = kept.covariance + rest
+        self._bound()
         self.scale, self.bias = self._sure(SCALE), self._sure(BIAS)
 
     def corrected(self, speed: float, yaw_rate: float) -> tuple[float, float]:
@@ -169,6 +171,7 @@ class ErrorFilter:
             step[X, TURN_SCALE], step[Y, TURN_SCALE] = -dy * turn / 2, dx * turn / 2
         self.mean[:POSE] = step[:POSE] @ self._not_applied()
         self.covariance = step @ self.covariance @ step.T + self._walk * seconds
+        self._bound()
         if length == 0.0:
             self._creep(leg)
             return
@@ -178,6 +181,14 @@ class ErrorFilter:
         mixed = (along - side) * (x * y)
         self.covariance[:HEADING, :HEADING] += ((side + (along - side) * (x * x), mixed), (mixed, side + (along - side) * (y * y)))
         self.covariance[HEADING, HEADING] += model.HEADING_NOISE**2 * seconds + model.TURN_NOISE**2 * abs(turn)
+
+    def _bound(self) -> None:
+        """However long nothing was learned of an error, as by a car that stands for days: it is not as large as one likes."""
+        over = np.flatnonzero(self.covariance.diagonal() > self._most)
+        if len(over):
+            shrink = np.ones(len(self.mean))
+            shrink[over] = np.sqrt(self._most[over] / self.covariance.diagonal()[over])
+            self.covariance *= shrink[:, None] * shrink
 
     def _creep(self, leg: Leg) -> None:
         """Wheels that show 0 while the gyro turns: nobody knows how far the car went, and the yaw is frozen."""

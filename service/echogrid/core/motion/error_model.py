@@ -25,6 +25,7 @@ RADAR = 3
 USUAL_TRACK = 1.55  # m
 _CAR = (0.01, math.radians(0.4), 0.006, 0.08, 0.01, 0.05)  # one sigma of a car that nothing is known of
 _RADAR = (math.radians(1.5), 0.02, 0.05)
+_MOST = 3.0  # of these sigmas: as little may become known of an error, and no less
 _CAR_WALK = (2e-4, math.radians(0.005), 0.0, 0.0, 2e-5, 0.0)  # how far they wander, per square root of a second
 _RADAR_WALK = (math.radians(0.03), 5e-4, 0.005)
 _CAR_REST = (0.002, math.radians(0.1), 0.0, 0.0, 5e-4, 0.01)  # and between two drives
@@ -59,6 +60,12 @@ def wandering(radars: int) -> Floats:
 def resting(radars: int) -> Floats:
     """(E, E) by which it grows between two drives."""
     return _diagonal(_CAR_REST, _RADAR_REST, radars)
+
+
+def most(radars: int) -> Floats:
+    """(E,) the largest variances of what is not the pose's, which has no bound."""
+    variances = _MOST**2 * _diagonal(_CAR, _RADAR, radars).diagonal()
+    return np.where(variances > 0.0, variances, math.inf)
 
 
 def _diagonal(car: Sequence[float], radar: Sequence[float], radars: int) -> Floats:
