@@ -23,7 +23,7 @@ from mcap.records import Chunk
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from tests.support import mcap_files
 from tests.support.frames import FRAMES
-from tests.support.waiting import PATIENCE
+from tests.support.waiting import PATIENCE, until
 
 from echogrid.commands.run import named_by_time
 from echogrid.core.motion.se2 import SE2
@@ -161,12 +161,17 @@ def test_a_service_that_is_killed_leaves_all_but_the_last_moment(tmp_path: Path)
 
 
 def test_a_service_that_is_killed_in_its_first_moment_leaves_an_empty_recording(tmp_path: Path) -> None:
-    writer = McapWriter(tmp_path / "a.mcap")
+    recorder, stop = McapRecorder(tmp_path / "a.mcap"), threading.Event()
+    running = threading.Thread(target=recorder.run, args=(stop,))
+    running.start()
     try:
+        until(lambda: (tmp_path / "a.mcap").stat().st_size > 0)
         with pytest.raises(EchogridError, match="beyond message 0: it was not closed, its last part may be missing"):
             next(iter(Log(tmp_path / "a.mcap")))
     finally:
-        writer.abandon()
+        stop.set()
+        running.join()
+        recorder.close()
 
 
 def test_a_full_disk_ends_the_recording_and_says_so(tmp_path: Path) -> None:

@@ -46,7 +46,7 @@ class McapRecorder:
         self._lock = threading.Lock()
         self._waiting: list[Item] = []
         self._bytes = 0
-        self._flush_at = time.monotonic() + FLUSH_PERIOD
+        self._flush_at = time.monotonic()  # the file's head at once: who is killed soon leaves an empty recording, and no file that is none
 
     def wants(self, topic: Topic) -> bool:
         """All."""

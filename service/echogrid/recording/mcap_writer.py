@@ -51,7 +51,6 @@ class McapWriter:
             raise EchogridError(f"{path}: cannot be written: {error.strerror}") from error
         self._writer = Writer(self._file, chunk_size=CHUNK_BYTES)
         self._writer.start(profile="ros2", library=f"echogrid {__version__}")
-        self._file.flush()  # who is killed before anything is put leaves an empty recording, and no file that is none
         self._schemas: dict[str, int] = {}
         self._topics: dict[str, int] = {}  # a topic's channel
         self._buses: dict[tuple[str, str | int | None], int] = {}  # a bus's channel, and what python-can calls it
