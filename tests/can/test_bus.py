@@ -93,8 +93,56 @@ def test_a_lost_bus_is_opened_again_and_again_until_it_can_be_read(sender: can.B
     opened[0].down = True
     until(lambda: not bus.refresh().up, lambda: taken(bus))
     assert not bus.is_open
-    until(lambda: bus.refresh().up, lambda: (bus.bring_back(), taken(bus)))
+    until(lambda: bus.refresh().up, lambda: [bus.bring_back(), taken(bus)])  # type: ignore[func-returns-value]
     assert (bus.health.reconnects, answers) == (1, [])
     sender.send(frame(0x300, b"\x02", 2.0))
     until(lambda: taken(bus))
+    bus.close()
+
+
+class Garbled(Unplugged):
+    """Some lines that came over a serial port are no frames, as python-can's slcan says it."""
+
+    def __init__(self, opened: can.BusABC) -> None:
+        super().__init__(opened)
+        self.garbled = 0
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        message = super().recv(timeout)
+        if message is not None and self.garbled:
+            self.garbled -= 1
+            raise ValueError("invalid literal for int() with base 16: '1?'")
+        return message
+
+
+def test_what_is_no_frame_is_an_error_that_is_counted_and_not_the_end(
+    sender: can.BusABC, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    opened: list[Garbled] = []
+
+    def open_garbled(bus: Bus, ids: list[tuple[int, bool]]) -> can.BusABC:
+        opened.append(Garbled(real(bus, ids)))
+        return opened[-1]
+
+    def look() -> FrameBatch | None:
+        bus.bring_back()
+        return taken(bus)
+
+    real = live.open_bus
+    monkeypatch.setattr(live, "open_bus", open_garbled)
+    monkeypatch.setattr(live, "FIRST_PAUSE", 0.01)
+    bus = LiveBus(BUS, [ID])
+    opened[0].garbled = 3
+    for n in range(6):
+        sender.send(frame(0x300, b"\x02", float(n)))
+    stamps = list[float]()
+    until(lambda: len(stamps) == 3, lambda: stamps.extend(() if (batch := taken(bus)) is None else batch.stamps.tolist()))
+    assert (stamps, bus.refresh().errors, bus.health.reconnects) == ([3.0, 4.0, 5.0], 3, 0)
+    assert caplog.text.count("makes no frame of what it received") == 1
+    opened[0].garbled = live.MOST_GARBLED
+    for n in range(live.MOST_GARBLED):
+        sender.send(frame(0x300, b"\x02", float(n)))
+    until(lambda: bus.health.reconnects == 1, look)
+    assert "was lost: invalid literal" in caplog.text
+    assert len(opened) == 2
     bus.close()

@@ -27,6 +27,7 @@ log = logging.getLogger("echogrid")
 
 GATHER = 0.0005  # s from the first frame to the taking of all: those close behind it cost little more
 MOST = 512  # frames that are received at once
+MOST_GARBLED = 100  # frames one after the other, and the bus is taken for lost
 FIRST_PAUSE, LONGEST_PAUSE = 0.25, 4.0  # s between attempts to open a lost bus
 # linux/sock_diag.h: SO_MEMINFO's ninth number is what the kernel threw away because the buffer was full, as SO_RXQ_OVFL reports it.
 SO_MEMINFO, MEMINFO, DROPS = 55, struct.Struct("=9I"), 8
@@ -38,7 +39,7 @@ class BusHealth:
     """One bus since the start of the service."""
 
     frames: int = 0
-    errors: int = 0  # error frames of the controller
+    errors: int = 0  # error frames of the controller, and frames that its interface could not make out
     bus_off: int = 0  # those among them that say that it left the bus
     overflow: int = 0  # frames that the kernel dropped because they were not taken out of the receive buffer in time
     reconnects: int = 0
@@ -58,6 +59,7 @@ class LiveBus:
         self._source: Inbox | Watched | None = _source(self._opened)  # None from a fault until it is opened again
         self._overflow_before = 0  # of the sockets that were closed
         self._lost = False
+        self._garbled = 0  # without a frame between
         self._pause = FIRST_PAUSE
         self._retry_at = 0.0  # time.monotonic()
         self.health.up = True
@@ -83,10 +85,14 @@ class LiveBus:
         except (can.CanError, OSError) as error:
             self._lose(error)
             return None
+        except Exception as error:  # what an interface of python-can's makes of a frame that is garbled
+            self._garble(error)
+            return None
         if self._lost and source.reads:
             self._back()
         if batch is None:
             return None
+        self._garbled = 0
         self.health.frames += len(batch)
         failed = batch.flags & ERROR != 0
         if not failed[-1]:
@@ -136,6 +142,7 @@ class LiveBus:
             log.warning("bus '%s': %s is bus-off", self.bus.name, self.bus.channel)
 
     def _lose(self, error: Exception) -> None:
+        self._garbled = 0
         if not self._lost:
             log.warning("bus '%s': %s channel '%s' was lost: %s; trying again", self.bus.name, self.bus.interface, self.bus.channel, error)
         self._lost, self.health.up = True, False
@@ -143,6 +150,16 @@ class LiveBus:
         if self._source is not None:
             self._source.close()
             self._source = None
+
+    def _garble(self, error: Exception) -> None:
+        if not self.health.errors:
+            log.warning(
+                "bus '%s': %s makes no frame of what it received: %s; each is counted in errors", self.bus.name, self.bus.interface, error
+            )
+        self.health.errors += 1
+        self._garbled += 1
+        if self._garbled == MOST_GARBLED:
+            self._lose(error)
 
     def _wait_longer(self) -> None:
         self._retry_at = time.monotonic() + self._pause

@@ -34,20 +34,25 @@ class Watched:
         return self._bell
 
     def take(self, channel: str | int | None) -> FrameBatch | None:
-        """The frames that are there, as of `channel`; None where there are none. Never waits. Raises what the interface raised."""
+        """The frames that are there, as of `channel`; None where there are none. Never waits. Raises what the interface raised, once."""
         try:
             os.eventfd_read(self._bell)
         except BlockingIOError:
             return None
         if self._fault is not None:
-            raise self._fault
+            fault, self._fault = self._fault, None
+            self._taken.release()
+            raise fault
         messages: list[can.Message] = []
         message = self._first
         while message is not None:
             message.channel = channel
             messages.append(message)
-            message = self._bus.recv(0) if len(messages) < self._most else None
-        self._taken.release()
+            message = self._received(0.0) if len(messages) < self._most else None
+        if self._fault is None:
+            self._taken.release()
+        else:  # first what came before it
+            os.eventfd_write(self._bell, 1)
         return FrameBatch.of(messages)
 
     def close(self) -> None:
@@ -59,14 +64,16 @@ class Watched:
 
     def _watch(self) -> None:
         while not self._ended:
-            try:
-                self._first = self._bus.recv(WAIT)
-            except Exception as fault:  # each of python-can's interfaces raises what its driver raises
-                self._fault = fault
-            self.reads |= self._fault is None
-            if self._first is None and self._fault is None:
-                continue
-            os.eventfd_write(self._bell, 1)
-            if self._fault is not None:
-                return
-            self._taken.acquire()
+            self._first = self._received(WAIT)
+            if self._first is not None or self._fault is not None:
+                os.eventfd_write(self._bell, 1)
+                self._taken.acquire()
+
+    def _received(self, timeout: float) -> can.Message | None:
+        try:
+            message = self._bus.recv(timeout)
+        except Exception as fault:  # each of python-can's interfaces raises what its driver raises
+            self._fault = fault
+            return None
+        self.reads = True
+        return message
