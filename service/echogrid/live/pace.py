@@ -23,8 +23,8 @@ class Pace:
         self._behind = float("inf")  # s: our clock's time when a frame came, less the frame's
 
     def rest(self) -> None:
-        """Until the next look is due."""
-        left = self._next_at - time.monotonic()
+        """Until the next look is due, less what it waits for more frames."""
+        left = self._next_at - GATHER - time.monotonic()
         if left > 0 and self.rests:
             time.sleep(left)
 
