@@ -7,6 +7,7 @@ import errno
 import os
 import socket
 import time
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from echogrid.can.intake.frames import FrameBatch, channel_number
 from echogrid.core.kernels.can_frames import CLASSIC, FLEXIBLE
 from echogrid.core.kernels.dispatch import loops
 
-SO_TIMESTAMPNS = 35  # asm-generic/socket.h
+_KINDS = frozenset((CLASSIC, FLEXIBLE))  # sizes of frames
 # Of 64-bit Linux: struct mmsghdr, struct iovec, and struct cmsghdr with the struct timespec behind it.
 _HEADER = np.dtype(
     {
@@ -41,16 +42,16 @@ class Inbox:
     def __init__(self, opened: socket.socket, most: int) -> None:
         self.reads = False
         self._opened = opened
+        self._most = most
         self._rows = np.zeros((most, FLEXIBLE), np.uint8)
-        self._stamps = np.zeros(most, _STAMP)
-        self._parts = np.zeros(most, _PART)
-        self._parts["base"] = self._rows.ctypes.data + np.arange(most, dtype=np.uint64) * FLEXIBLE
-        self._parts["size"] = FLEXIBLE
-        self._headers = np.zeros(most, _HEADER)
-        self._headers["iov"] = self._parts.ctypes.data + np.arange(most, dtype=np.uint64) * _PART.itemsize
-        self._headers["iovlen"] = 1
-        self._headers["control"] = self._stamps.ctypes.data + np.arange(most, dtype=np.uint64) * _STAMP.itemsize
-        self._headers["controllen"] = _STAMP.itemsize
+        self._begins = np.arange(most, dtype=np.int64) * FLEXIBLE + 8
+        parts, stamps, headers = np.zeros(most, _PART), np.zeros(most, _STAMP), np.zeros(most, _HEADER)
+        parts["base"], parts["size"] = _addresses(self._rows), FLEXIBLE
+        headers["iov"], headers["iovlen"] = _addresses(parts), 1
+        headers["control"], headers["controllen"] = _addresses(stamps), _STAMP.itemsize
+        self._parts, self._address = parts, headers.ctypes.data
+        self._sizes, self._flags, self._controls = headers["size"], headers["flags"], headers["controllen"]
+        self._seconds, self._nanoseconds = stamps["seconds"], stamps["nanoseconds"]
 
     def fileno(self) -> int:
         """Readable while there is something to take."""
@@ -64,7 +65,7 @@ class Inbox:
 
         A frame without a time of the kernel's has that of its receipt.
         """
-        count = _recvmmsg(self._opened.fileno(), self._headers.ctypes.data, len(self._headers), socket.MSG_DONTWAIT, None)
+        count = _recvmmsg(self._opened.fileno(), self._address, self._most, socket.MSG_DONTWAIT, None)
         if count < 0:
             code = ctypes.get_errno()
             if code == errno.EAGAIN:
@@ -72,32 +73,28 @@ class Inbox:
                 return None
             raise OSError(code, os.strerror(code))
         self.reads = True
-        headers, stamps = self._headers[:count], self._stamps[:count]
-        sizes = headers["size"].astype(np.uint8)
-        sent = headers["flags"] & socket.MSG_DONTROUTE != 0
-        rows = self._rows[:count].copy()
-        times = stamps["seconds"] + stamps["nanoseconds"] * 1e-9
-        unstamped = (headers["controllen"] < _STAMP.itemsize) | (stamps["type"] != SO_TIMESTAMPNS)
-        if unstamped.any():
-            times[unstamped] = time.time()
-        self._rows[:count] = 0  # a shorter frame has nothing of a longer one behind it
-        headers["controllen"] = _STAMP.itemsize
-        frames = (sizes == CLASSIC) | (sizes == FLEXIBLE)
-        if not frames.all():
+        some = slice(count)
+        rows, sizes = self._rows[some].copy(), self._sizes[some].astype(np.uint8)
+        sent = self._flags[some] & socket.MSG_DONTROUTE != 0
+        times = self._seconds[some] + self._nanoseconds[some] * 1e-9
+        controls = self._controls[some]
+        if controls.min() < _STAMP.itemsize:
+            times[controls < _STAMP.itemsize] = time.time()
+        self._rows[some] = 0  # a shorter frame has nothing of a longer one behind it
+        controls[:] = _STAMP.itemsize
+        if not _KINDS.issuperset(sizes.tolist()):
+            frames = np.isin(sizes, tuple(_KINDS))
             rows, sizes, sent, times = rows[frames], sizes[frames], sent[frames], times[frames]
-            if not len(rows):
+            count = len(rows)
+            if not count:
                 return None
-        return _batch(rows, sizes, sent, times, channel)
+        ids, (flags, dlc, there) = np.empty(count, np.uint32), np.empty((3, count), np.uint8)
+        loops.can_frames(rows, sizes, sent, ids, flags, dlc, there)
+        names: dict[str, int] = {}
+        channels = np.full(count, channel_number(channel, names), np.int32)
+        return FrameBatch(times, ids, flags, dlc, there, self._begins[:count], rows.reshape(-1), channels, tuple(names))
 
 
-def _batch(
-    rows: NDArray[np.uint8], sizes: NDArray[np.uint8], sent: NDArray[np.bool_], times: NDArray[np.float64], channel: str | int | None
-) -> FrameBatch:
-    """Of frames (N, FLEXIBLE) as the kernel has them."""
-    count = len(rows)
-    ids, (flags, dlc, there) = np.empty(count, np.uint32), np.empty((3, count), np.uint8)
-    loops.can_frames(rows, sizes, sent, ids, flags, dlc, there)
-    names: dict[str, int] = {}
-    channels = np.full(count, channel_number(channel, names), np.int32)
-    begins = np.arange(count, dtype=np.int64) * FLEXIBLE + 8
-    return FrameBatch(times, ids, flags, dlc, there, begins, rows.reshape(-1), channels, tuple(names))
+def _addresses(pieces: NDArray[Any]) -> NDArray[np.uint64]:
+    """(N,) where in memory each of them begins."""
+    return pieces.ctypes.data + np.arange(len(pieces), dtype=np.uint64) * pieces.strides[0]
