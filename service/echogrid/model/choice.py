@@ -65,12 +65,12 @@ def choose_file(paths: list[Path], spec: GridSpec, mounts: Mapping[str, Mount], 
     """
     sound: list[OnnxSensorModel] = []
     wrong: list[EchogridError] = []
-    for path in paths:
+    for path in reversed(paths):  # the last is mostly given up, and what is loaded after it takes its place in memory
         try:
             expected = None if sums is None else sums.get(path.name, "one that SHA256SUMS lists")
-            sound.append(OnnxSensorModel(path, spec, mounts, expected))
+            sound.insert(0, OnnxSensorModel(path, spec, mounts, expected))
         except EchogridError as error:
-            wrong.append(error)
+            wrong.insert(0, error)
     if not sound:
         raise wrong[-1]
     times = measure(sound)

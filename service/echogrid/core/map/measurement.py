@@ -119,7 +119,7 @@ class Measurement:
             self._arrived = np.zeros_like(self._hit)
         window = self._window
         own = window.flat(beams.points)
-        own = np.flatnonzero(np.bincount(own[own >= 0]))  # each once; np.unique would load all of numpy.ma
+        own = once(own[own >= 0])
         arrived, left = self._standstill.see(own, seconds)
         if not arrived.any() and not left.any():
             return self._nothing()

@@ -28,15 +28,16 @@ class Standstill:
         """`size`: cells along a side of the window; `cell`: m."""
         self._here, self._beside = (disc(radius / cell, size) for radius in (HERE, BESIDE))
         self._recent, self._usual = (np.zeros((2, size * size), np.float32) for _ in range(2))
+        self._arrived, self._left = np.empty((2, size * size), np.bool_)
         self._stood = 0.0  # s
 
     def see(self, hit: Cells, seconds: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """One update's reflections, flat cells (N,), `seconds` after the last. Flat masks: where something has arrived, and has left."""
+        """One update's reflections, flat cells (N,), `seconds` after the last. Flat masks: where something has arrived, and has left;
+        they hold until the next."""
         step = min(max(seconds, 0.0), LONGEST_STEP)
         self._stood += step
         memory = min(self._stood, USUAL)
         quick, slow = 1 - math.exp(-step / RECENT), step / max(memory, step, 1e-3)  # a plain mean at first
-        arrived, left = np.empty((2, self._recent.shape[1]), np.bool_)
         loops.usual(
             hit,
             self._here,
@@ -50,10 +51,10 @@ class Standstill:
             self._stood >= SETTLED,
             self._recent,
             self._usual,
-            arrived,
-            left,
+            self._arrived,
+            self._left,
         )
-        return arrived, left
+        return self._arrived, self._left
 
 
 def disc(radius: float, size: int) -> Cells:
