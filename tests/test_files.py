@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -15,6 +17,7 @@ from echogrid.files import no_file, whole
 from echogrid.logs.drive import find_drive
 from tests.support import disk, world
 from tests.support.places import DEMO
+from tests.support.waiting import PATIENCE
 
 
 def written(path: Path) -> None:
@@ -30,6 +33,43 @@ def test_a_file_that_cannot_be_written_is_named_and_nothing_is_left(tmp_path: Pa
         written(tmp_path / "a.egmap")
     assert full.value.filename == str(tmp_path / "a.egmap")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_two_that_write_the_same_file_do_not_meet(tmp_path: Path) -> None:
+    """Each has a name of its own, and the last one's file is there at the end; a name that a killed one has left is used again."""
+    path = tmp_path / "map.learned.json"
+    (tmp_path / ".map.learned.json.partial").write_bytes(b"half of what was written before a kill")
+    with whole(path) as first:
+        first.write_bytes(b"first, half")
+        with whole(path) as second:
+            second.write_bytes(b"second")
+            with pytest.raises(OSError, match="No space left on device"):
+                written(path)
+        assert (path.read_bytes(), first.read_bytes()) == (b"second", b"first, half")
+        first.write_bytes(b"first")
+    assert path.read_bytes() == b"first"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_of_processes_that_write_the_same_file_none_fails(tmp_path: Path) -> None:
+    """What they leave is always whole. Each writes as often as the others let it, for as long as they do."""
+    code = """
+import sys
+from pathlib import Path
+from echogrid.files import whole
+
+path, mine = Path(sys.argv[1]), sys.argv[2] * 20_000
+for _ in range(100):
+    with whole(path) as partial:
+        partial.write_text(mine)
+    found = path.read_text()
+    assert len(found) == 20_000 and len(set(found)) == 1, found[:9]
+"""
+    path = tmp_path / "a"
+    writers = [subprocess.Popen([sys.executable, "-c", code, path, letter], stderr=subprocess.PIPE) for letter in "abc"]
+    said = [writer.communicate(timeout=PATIENCE)[1] for writer in writers]
+    assert [(writer.returncode, text) for writer, text in zip(writers, said, strict=True)] == [(0, b"")] * 3
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_of_a_recording_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

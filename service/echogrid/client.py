@@ -15,6 +15,7 @@ import zenoh
 import zenoh.ext
 from zenoh.handlers import RingChannel
 
+from echogrid.config.endpoint import EXAMPLE
 from echogrid.errors import EchogridError
 from echogrid.topics.diagnostic_array import DiagnosticArray, decode_diagnostics
 from echogrid.topics.grids import Grid, decode_grid, decode_update
@@ -40,7 +41,7 @@ from echogrid.zenoh.attachment import decode_grid_attachment
 from echogrid.zenoh.credentials import Credentials
 from echogrid.zenoh.fleet import decompress
 from echogrid.zenoh.follower import Follower, KeyName, MapName, Window
-from echogrid.zenoh.publisher import EXAMPLE, key, reason, session_config
+from echogrid.zenoh.publisher import key, reason, session_config
 
 __all__ = ["Client", "Credentials", "DiagnosticArray", "JudgedPoints", "MapName", "Points", "Pose", "Window", "vehicles"]
 

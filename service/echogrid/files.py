@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import difflib
+import fcntl
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
+from typing import BinaryIO
 
 from echogrid.errors import EchogridError
 
@@ -24,11 +27,19 @@ def meant(path: Path) -> str:
     return f"; did you mean {path.with_name(near[0])}?" if near else ""
 
 
+def surely(asked: Callable[[], bool]) -> bool:
+    """What a path's `is_file` and the like say; False where they raise, of a name that is too long or in a folder that is closed to us."""
+    try:
+        return asked()
+    except OSError:
+        return False
+
+
 def no_file(path: Path, *names: str) -> EchogridError:
     """What to say of a path that is none; `names`: patterns of files that a folder may hold in its place."""
-    if not path.is_dir():
+    if not surely(path.is_dir):
         return EchogridError(
-            f"{path}: is a device or a pipe, expected a file" if path.exists() else f"{path}: there is no such file{meant(path)}"
+            f"{path}: is a device or a pipe, expected a file" if surely(path.exists) else f"{path}: there is no such file{meant(path)}"
         )
     held = next((found for name in names for found in sorted(path.glob(name))), None)
     return EchogridError(f"{path}: is a folder, expected a file" + (f" such as {held}" if held else ""))
@@ -40,12 +51,17 @@ def read(path: Path, most: int) -> bytes:
         with path.open("rb") as file:
             data = file.read(most + 1)
     except OSError as error:
-        if path.is_dir():
+        if surely(path.is_dir):
             raise no_file(path, f"*{path.suffix or '.toml'}") from error
-        raise EchogridError(f"{path}: cannot be read: {error.strerror}{'' if path.exists() else meant(path)}") from error
+        raise unread(path, error) from error
     if len(data) > most:
         raise EchogridError(f"{path}: holds more than {most >> 10} KiB, which is far beyond what such a file needs")
     return data
+
+
+def unread(path: Path, error: OSError) -> EchogridError:
+    """What to say of a file that could not be opened."""
+    return EchogridError(f"{path}: cannot be read: {error.strerror}{'' if surely(path.exists) else meant(path)}")
 
 
 def check_folder(path: Path) -> None:
@@ -89,18 +105,52 @@ def named(path: Path) -> Iterator[None]:
 
 @contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """Another name beside `path` to write to: at the end what is there is on the disk under `path`, or, where it failed, nowhere."""
-    partial = path.with_name(f".{path.name}.partial")
+    """Another name beside `path` to write to: at the end what is there is on the disk under `path`, or, where it failed, nowhere.
+
+    Programs that write the same file at one time do not meet: the last that ends is there, whole.
+    """
     try:
-        partial.unlink(missing_ok=True)  # of one that was killed
-        yield partial
-        with partial.open("rb") as file:
-            os.fsync(file.fileno())
-        partial.replace(path)
+        partial, held = _claimed(path)
+        with held:
+            try:
+                yield partial
+                with partial.open("rb") as file:
+                    os.fsync(file.fileno())
+                partial.replace(path)
+            except BaseException:
+                for left in ("", "-wal", "-shm"):  # and what SQLite keeps beside a file that it could not close
+                    with suppress(OSError):  # on a disk that takes nothing there is none either
+                        partial.with_name(partial.name + left).unlink(missing_ok=True)
+                raise
     except OSError as error:
-        error.filename = str(path) if error.filename in (None, str(partial)) else error.filename
+        ours = error.filename is None or str(error.filename).startswith(str(_partial(path)))
+        error.filename = str(path) if ours else error.filename
         raise
-    finally:
-        for left in ("", "-wal", "-shm"):  # and what SQLite keeps beside a file that it could not close
-            with suppress(OSError):  # on a disk that takes nothing there is none either
-                partial.with_name(partial.name + left).unlink(missing_ok=True)
+
+
+def _partial(path: Path, number: str = "") -> Path:
+    return path.with_name(f".{path.name}.partial{number}")
+
+
+def _claimed(path: Path) -> tuple[Path, BinaryIO]:
+    """An empty file beside `path` that no other program writes, under a name that one which was killed may have left, and what holds it."""
+    for number in count():
+        partial = _partial(path, str(number or ""))
+        held = partial.open("ab")
+        with suppress(FileNotFoundError):  # another program ended just now
+            if _locked(held) and os.path.samestat(os.fstat(held.fileno()), partial.stat()):
+                held.truncate(0)
+                return partial, held
+        held.close()
+    raise AssertionError("there is always one more number")
+
+
+def _locked(file: BinaryIO) -> bool:
+    """Whether nobody else has locked the file; we have now, until it is closed, where the file system knows locks."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+    return True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterator
 
 import can
@@ -146,3 +147,32 @@ def test_what_is_no_frame_is_an_error_that_is_counted_and_not_the_end(
     assert "was lost: invalid literal" in caplog.text
     assert len(opened) == 2
     bus.close()
+
+
+@pytest.mark.parametrize(
+    ("interface", "error", "said"),
+    [
+        ("socketcan", OSError(errno.EAFNOSUPPORT, "?"), "this kernel has no SocketCAN, or has not loaded it: modprobe can_raw"),
+        ("socketcan", OSError(errno.EPROTONOSUPPORT, "?"), "this kernel has no SocketCAN, or has not loaded it: modprobe can_raw"),
+        ("socketcan", OSError(errno.ENODEV, "?"), "there is no such network interface, found "),
+        ("kvaser", NameError("name 'canOpen' is not defined"), "the driver's library is not there (name 'canOpen' is not defined)"),
+        ("pcan", OSError("pcanbasic library not found."), "pcanbasic library not found."),
+    ],
+)
+def test_a_bus_that_cannot_be_opened_says_what_is_missing(
+    interface: str, error: Exception, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(**_: object) -> can.BusABC:
+        raise error
+
+    monkeypatch.setattr(can, "Bus", fail)
+    with pytest.raises(EchogridError) as caught:
+        LiveBus(Bus(name="radars", interface=interface, channel="one7"), [ID])
+    assert str(caught.value).startswith(f"bus 'radars': {interface} channel 'one7' cannot be opened: {said}")
+
+
+def test_what_is_said_of_this_very_kernel_is_no_number_of_an_error() -> None:
+    """Without SocketCAN here, or without that interface."""
+    with pytest.raises(EchogridError, match="this kernel has no SocketCAN|there is no such network interface, found") as caught:
+        LiveBus(Bus(name="radars", channel="nowhere97"), [ID])
+    assert "Errno" not in str(caught.value)

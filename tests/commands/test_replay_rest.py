@@ -12,10 +12,14 @@ import pytest
 from tests.support import world
 
 from echogrid.commands.replay import replay, reported
+from echogrid.config.loading import load_config
+from echogrid.core.radar import doppler_errors
 from echogrid.errors import EchogridError, NoMapError
 from echogrid.logs.drive import find_drive
+from echogrid.logs.log import Log
 from echogrid.maps import map_files
 from echogrid.maps.export import export
+from echogrid.pipeline import Pipeline
 
 SMALL = "\n[grid]\ncell = 0.1171875\n[map]\nmax_tiles = 16\n[publish]\nwindow_cells = 64\n"
 
@@ -104,3 +108,18 @@ def test_true_poses_of_another_time_are_not_compared(motorway: Path, tmp_path: P
         assert ("trajectory_rmse_m" in summary) is told
         assert ("the true poses beside the recording are of other times, and are not used" in summary["notes"]) is not told
         json.loads((tmp_path / "out" / "summary.json").read_text(), parse_constant=pytest.fail)
+
+
+def test_what_a_replay_has_learned_includes_its_last_cycle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Which nothing ends: three radars' scans wait for the fourth's."""
+    monkeypatch.setattr(doppler_errors, "PERIOD_NS", 0)
+    messages = world.record(world.straight(5.0), [world.standing([(x * 0.3, 6.0) for x in range(-20, 60)])], 1.0)
+    while messages[-1].arbitration_id != 0x321:
+        messages.pop()
+    drive = find_drive(world.write_drive(tmp_path, messages, world.CONFIG), None)
+    file = Pipeline(load_config(drive.config), drive.config)
+    assert sum(1 for _ in file.updates(Log(drive.log).batches())) > 10
+    assert file.mapper.end_cycle() is not None
+    before = file.mapper.odometry.errors.learned()
+    file.mapper.learn()
+    assert replay(drive, tmp_path / "out")["learned"] == file.mapper.odometry.errors.learned() != before

@@ -15,6 +15,7 @@ from echogrid.config.loading import load_config
 from echogrid.config.tables import Map
 from echogrid.core.health import Health
 from echogrid.errors import EchogridError
+from echogrid.pipeline import Pipeline
 
 SECOND = '[[radar]]\nname = "front_right"\nbus = "can0"\nx = 3.6\ny = -0.8\nyaw_deg = -45.0\n'
 
@@ -130,6 +131,58 @@ def test_the_smallest_configuration_drives(tmp_path: Path) -> None:
 def test_a_mistake_is_one_sentence(tmp_path: Path, change: tuple[str, str], expected: str) -> None:
     assert change[0] in CONFIG
     assert expected in complaint(tmp_path, CONFIG.replace(*change))
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "/".join(["x" * 200] * 25)], ids=["a long name", "a long path"])
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "{}.toml"'), "radar[0]: {here}.toml: cannot be read: File name too long"),
+        (("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "{}"'), "radar[0]: no profile '{name}' is shipped"),
+        (("yaw_deg = 45.0", 'yaw_deg = 45.0\ndbc = "{}.dbc"'), "radar[0]: {here}.dbc: cannot be read: File name too long"),
+        (('[motion]\nbus = "can0"', '[motion]\nbus = "can0"\nprofile = "{}.toml"'), "motion: {here}.toml: cannot be read: File name too"),
+        (('[motion]\nbus = "can0"', '[motion]\nbus = "can0"\ndbc = "{}.dbc"'), "motion: {here}.dbc: cannot be read: File name too long"),
+        (
+            ("[motion]", '[pose]\nbus = "can0"\nprofile = "{}.toml"\n[motion]'),
+            "pose: {here}.toml: cannot be read: File name too long",
+        ),
+        (('model = "analytic"', 'model = "{}.onnx"'), "model: {here}.onnx: cannot be read: File name too long"),
+        (('model = "analytic"', 'store.path = "{}.egmap"'), "store.path: {here}.egmap cannot be the name of a file: File name too long"),
+    ],
+)
+def test_a_name_that_no_file_can_have_is_said_with_its_key(tmp_path: Path, name: str, change: tuple[str, str], expected: str) -> None:
+    assert change[0] in CONFIG
+    path = tmp_path / "echogrid.toml"
+    path.write_text(CONFIG.replace(change[0], change[1].replace("{}", name)))
+    with pytest.raises(EchogridError) as caught:
+        Pipeline(load_config(path), path)
+    assert str(caught.value).startswith(f"{path}: " + expected.format(here=tmp_path / name, name=name))
+
+
+@pytest.mark.parametrize("key", ["listen", "connect"])
+@pytest.mark.parametrize(
+    ("endpoint", "expected"),
+    [
+        ("tcp/127.0.0.1", "has no port, expected one such as 'tcp/127.0.0.1:7447'"),
+        ("tcp/[::1]", "has no port"),
+        ("tcp/127.0.0.1:", "has no port"),
+        ("tls/car.example:7447x", "has no port"),
+        ("tcp/127.0.0.1:0", "has the port 0, expected one from 1 to 65535"),
+        ("udp/127.0.0.1:65536", "has the port 65536, expected one from 1 to 65535"),
+        ("tcp/:7447", "has no host"),
+        ("127.0.0.1:7447", "has no protocol"),
+    ],
+)
+def test_an_endpoint_that_leads_nowhere_is_said_first(tmp_path: Path, key: str, endpoint: str, expected: str) -> None:
+    change = 'vehicle = "test"', f'publish.{key} = ["{endpoint}"]'
+    assert f"publish.{key}: '{endpoint}' {expected}" in complaint(tmp_path, CONFIG.replace(*change))
+
+
+@pytest.mark.parametrize("endpoint", ["tcp/[::1]:1", "tcp/localhost:65535#iface=lo", "unixsock-stream//run/echogrid.sock"])
+def test_an_endpoint_that_leads_somewhere_is_taken(tmp_path: Path, endpoint: str) -> None:
+    path = tmp_path / "echogrid.toml"
+    path.write_text(CONFIG.replace('vehicle = "test"', f'publish.connect = ["{endpoint}"]'))
+    assert load_config(path).publish.connect == (endpoint,)
 
 
 def test_no_radar_and_no_text(tmp_path: Path) -> None:

@@ -26,17 +26,11 @@ def filter_of(config: Config) -> ErrorFilter:
     return ErrorFilter([radar.name for radar in config.radar])
 
 
-def stopped() -> threading.Event:
-    stop = threading.Event()
-    stop.set()
-    return stop
-
-
-def test_a_stop_before_the_end_of_a_run_is_not_needed_in_the_next(config: Config, tmp_path: Path) -> None:
+def test_a_run_begins_with_what_the_one_before_has_learned(config: Config, tmp_path: Path) -> None:
     path, first, second = tmp_path / "map.learned.json", filter_of(config), filter_of(config)
     keeper = LearnedKeeper(path, config, first, threading.Lock())
     first.stood(10.0, 0.007)
-    keeper.run(stopped())
+    keeper.write()
     LearnedKeeper(path, config, second, threading.Lock())
     assert second.bias == pytest.approx(0.007, rel=0.01)
     grown = np.diag(second.covariance) - np.diag(first.covariance)

@@ -28,6 +28,7 @@ from echogrid.client import Client
 from echogrid.commands.demo import demo
 from echogrid.commands.replay import replay
 from echogrid.config.loading import load_config
+from echogrid.core.radar import doppler_errors
 from echogrid.errors import EchogridError
 from echogrid.live import publishing
 from echogrid.live.player import Player, on_virtual_buses
@@ -35,6 +36,7 @@ from echogrid.live.service import Service
 from echogrid.logs.drive import find_drive
 from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
+from echogrid.store.learned_file import car_of, recall
 from echogrid.topics.topic import META
 from echogrid.zenoh.publisher import key, session_config
 
@@ -76,6 +78,33 @@ def test_at_its_own_pace_few_looks_at_the_bus_give_the_map_of_the_file(tmp_path:
         np.testing.assert_array_equal(live, kept)
     assert sum(looks) == player.sent
     assert len(looks) < 4 * cycles
+
+
+def test_what_is_kept_includes_what_the_last_cycle_teaches(tmp_path: Path, port: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bit for bit what the file teaches, each of whose cycles says something."""
+    monkeypatch.setattr(doppler_errors, "PERIOD_NS", 0)
+    wall = world.standing([(x * 0.3, 6.0) for x in range(-20, 60)])
+    tables = f'\n[publish]\nlisten = ["tcp/127.0.0.1:{port}"]\n[store]\npath = "map.egmap"\n'
+    messages = world.record(world.straight(5.0), [wall], 1.0)
+    while messages[-1].arbitration_id != 0x300:  # a header, which says nothing yet, but if it comes late the cycle's time is up
+        messages.pop()
+    messages[-1].timestamp += 0.1
+    drive = world.write_drive(tmp_path, messages, world.CONFIG + tables)
+    path = drive / "echogrid.toml"
+    config = on_virtual_buses(load_config(path, "analytic"))
+    service, mapper = Service(Pipeline(config, path)), (file := Pipeline(config, path)).mapper
+    service.workers.add("player", Player(service, Log(drive / "can.log"), speed=1.0).run)
+    service.run()
+    cycles = sum(1 for _ in file.updates(Log(drive / "can.log").batches()))
+    before = mapper.odometry.errors.keep()
+    mapper.learn()
+    taught = mapper.odometry.errors.keep()
+    kept = recall(tmp_path / "map.learned.json", car_of(config), len(taught.mean))
+    assert kept is not None
+    assert service.pipeline.health.cycles == cycles > 10
+    assert not np.array_equal(taught.covariance, before.covariance)
+    np.testing.assert_array_equal(kept.mean, taught.mean)
+    np.testing.assert_array_equal(kept.covariance, taught.covariance)
 
 
 def test_nothing_in_the_service_imports_torch_or_the_training_package() -> None:

@@ -110,6 +110,33 @@ def test_a_torn_file_is_one_sentence(folder: Path, share: float) -> None:
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        (b"mdfr\0\0\0\0", "its head names 'mdfr' as the program that wrote it"),
+        (b"MDF4 Lib", "its head names 'MDF4Lib' as the program that wrote it"),
+        (b"\0\n\xff\x80    ", "its head names no program that wrote it"),
+    ],
+)
+def test_of_a_file_that_cannot_be_read_the_program_that_wrote_it_is_named(
+    folder: Path, name: bytes, said: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Where asammdf opens it, where it does not, and where it stumbles on the way; once, and nothing but that."""
+    log = [can.Message(timestamp=START, arbitration_id=0x100, is_extended_id=False, data=b"1", channel="can0")]
+    frames = written(folder / "frames.mf4", log).read_bytes()
+    with asammdf.MDF() as file:
+        file.append([asammdf.Signal(np.arange(3.0), np.arange(3.0), name="YawRate")])
+        file.save(folder / "signals.mf4", overwrite=True)
+    signals, path = (folder / "signals.mf4").read_bytes(), folder / "other.mf4"
+    for data in (frames[: len(frames) // 2], frames.replace(b"##DG", b"##GD"), signals):
+        path.write_bytes(data[:16] + name + data[24:])
+        with pytest.raises(EchogridError) as caught:
+            list(Log(path))
+        assert str(caught.value).endswith(f"; {said}")
+        assert "\n" not in str(caught.value)
+    assert caplog.records == []
+
+
 def test_the_program_loads_it_for_mf4_alone(folder: Path) -> None:
     """It takes a second and 86 MiB, and python-can imports it wherever it is installed."""
     message = can.Message(timestamp=START, arbitration_id=0x7FF, is_extended_id=False, data=b"1", channel="can0")

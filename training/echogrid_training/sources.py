@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echogrid.errors import EchogridError
-from echogrid.files import meant
+from echogrid.files import unread
 
 
 def load_npz(path: Path, keys: Sequence[str]) -> dict[str, NDArray[Any]]:
@@ -39,7 +39,7 @@ def load_json(path: Path) -> Any:
     try:
         return json.loads(path.read_bytes())
     except OSError as error:
-        raise EchogridError(f"{path}: cannot be read: {error.strerror}") from error
+        raise unread(path, error) from error
     except ValueError as error:
         raise EchogridError(f"{path}: is not valid JSON: {error}") from error
 
@@ -49,7 +49,7 @@ def load_text(path: Path) -> str:
     try:
         return path.read_text("utf-8")
     except OSError as error:
-        raise EchogridError(f"{path}: cannot be read: {error.strerror}{'' if path.exists() else meant(path)}") from error
+        raise unread(path, error) from error
     except UnicodeDecodeError as error:
         raise EchogridError(f"{path}: is not a text in UTF-8: {error.reason} at byte {error.start}") from error
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import select
 import socket
@@ -205,10 +206,23 @@ def open_bus(bus: Bus, ids: list[FrameId]) -> can.BusABC:
     try:
         opened = can.Bus(**options, ignore_config=True)  # the configuration is this file alone, not ~/.canrc
     except Exception as error:  # each of python-can's interfaces raises what its driver raises
-        raise EchogridError(f"bus '{bus.name}': {bus.interface} channel '{bus.channel}' cannot be opened: {error}") from error
+        raise EchogridError(f"bus '{bus.name}': {bus.interface} channel '{bus.channel}' cannot be opened: {_why(bus, error)}") from error
     if isinstance(opened, SocketcanBus):
         _enlarge(opened.socket, bus)
     return opened
+
+
+def _why(bus: Bus, error: Exception) -> str:
+    """What an interface raised, in words that say what is missing."""
+    number = error.errno if isinstance(error, OSError) else None
+    if bus.interface == "socketcan" and number in (errno.EAFNOSUPPORT, errno.EPROTONOSUPPORT):
+        return "this kernel has no SocketCAN, or has not loaded it: modprobe can_raw (vcan for virtual buses), or another interface"
+    if bus.interface == "socketcan" and number == errno.ENODEV:
+        names = [name for _, name in socket.if_nameindex() if name != "lo"]
+        return f"there is no such network interface, found {', '.join(names) or 'none'}"
+    if isinstance(error, NameError):  # of a driver's library that could not be loaded, which python-can only logs
+        return f"the driver's library is not there ({error})"
+    return str(error)
 
 
 def _enlarge(opened: socket.socket, bus: Bus) -> None:

@@ -15,6 +15,7 @@ from msgspec import Meta
 
 from echogrid.config.toml import Table, load
 from echogrid.errors import EchogridError
+from echogrid.files import surely
 
 # Factor from each unit to SI, by what it measures.
 UNITS = {
@@ -283,7 +284,7 @@ def find(name: str, beside: Path) -> Path:
     if name.endswith(".toml"):
         return beside / name
     path = shipped() / f"{name}.toml"
-    if not path.is_file():
+    if not surely(path.is_file):
         known = ", ".join(sorted(entry.stem for entry in shipped().glob("*.toml")))
         raise EchogridError(f"no profile '{name}' is shipped, expected one of {known}, or a path that ends in .toml")
     return path

@@ -30,4 +30,5 @@ def learn(log: Path, config: Config, source: Path, on_progress: Callable[[float]
             if on_progress is not None:
                 on_progress(recording.progress)
     pipeline.mapper.end_cycle()
+    pipeline.mapper.learn()
     return pipeline.mapper.odometry.errors.keep()

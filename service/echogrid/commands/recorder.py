@@ -74,6 +74,7 @@ class Recorder:
         Where no cycle was mapped, that is the summary alone.
         """
         self.pipeline.mapper.end_cycle()
+        self.pipeline.mapper.learn()
         out.mkdir(parents=True, exist_ok=True)
         occupancy = self.pipeline.mapper.map
         with named(out):

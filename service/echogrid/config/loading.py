@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import difflib
-import ipaddress
+import errno
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import msgspec
 from can.interfaces import VALID_INTERFACES
 
+from echogrid.config.endpoint import exposed, nowhere, stays_here
 from echogrid.config.tables import NAMED, Config, Publish
 from echogrid.config.toml import load
 from echogrid.core.map.look_map import LookMap
 from echogrid.core.map.occupancy import OccupancyMap
 from echogrid.core.map.tile import MOST_RADARS, most_tiles_along
 from echogrid.errors import EchogridError
-from echogrid.files import meant
+from echogrid.files import meant, surely
 
 BUMPER = 0.2  # m: how far outside the outline a radar may sit, behind a bumper
 
@@ -48,7 +49,7 @@ def _check_model(model: str) -> None:
     """What was typed, so that the file's own key is not blamed."""
     if model not in NAMED and not model.endswith(".onnx"):
         raise EchogridError(f"--model: {_no_model(model)}")
-    if model not in NAMED and not Path(model).is_file():
+    if model not in NAMED and not surely(Path(model).is_file):
         raise EchogridError(f"--model: {model}: there is no such file{meant(Path(model))}")
 
 
@@ -96,13 +97,15 @@ def _problems(config: Config) -> Iterator[str]:
         yield f"publish.window_cells: {cells} found, whose {window} tiles have no room in map.max_tiles and map.max_mib, which hold {room}"
     if config.metrics.listen is not None and config.metrics.address() is None:
         yield f"metrics.listen: '{config.metrics.listen}' found, expected an address and a port such as '127.0.0.1:9464'"
-    elif config.metrics.listen is not None and not config.metrics.plaintext and not _stays_here(f"tcp/{config.metrics.listen}"):
+    elif config.metrics.listen is not None and not config.metrics.plaintext and not stays_here(f"tcp/{config.metrics.listen}"):
         yield f"metrics.listen: '{config.metrics.listen}' leaves this machine unprotected, expected the loopback, or plaintext = true"
     file = config.metrics.file
     if file is not None and not (file.startswith("/") and file.endswith(".prom")):
         yield f"metrics.file: '{file}' found, expected an absolute path that ends in .prom, as node_exporter reads no other"
-    if config.store.path is not None and Path(config.store.path).is_dir():
+    if config.store.path is not None and surely(Path(config.store.path).is_dir):
         yield f"store.path: {config.store.path} is a folder, expected the name of a file in it, such as map.egmap"
+    elif config.store.path is not None and (why := _never(config.store.path)) is not None:
+        yield f"store.path: {config.store.path} cannot be the name of a file: {why}"
     body = config.body
     for index, radar in enumerate(config.radar):
         if radar.bus not in buses:
@@ -118,9 +121,18 @@ def _problems(config: Config) -> Iterator[str]:
         yield "publish.plaintext: found beside [publish.tls], expected one of them"
     for key, endpoints in (("listen", config.publish.listen), ("connect", config.publish.connect)):
         for endpoint in endpoints:
-            problem = _exposed(endpoint, config.publish)
+            problem = nowhere(endpoint) or exposed(endpoint, config.publish)
             if problem is not None:
                 yield f"publish.{key}: '{endpoint}' {problem}"
+
+
+def _never(path: str) -> str | None:
+    """Why no file can have that name, now or later; None where one can."""
+    try:
+        Path(path).stat()
+    except OSError as error:
+        return error.strerror if error.errno == errno.ENAMETOOLONG else None
+    return None
 
 
 def _about_pose(config: Config, buses: list[str]) -> Iterator[str]:
@@ -150,23 +162,3 @@ def _near(name: str, known: Iterable[str]) -> str:
     """The end of a sentence about a name that is none: the known one that it is nearly, or nothing."""
     near = difflib.get_close_matches(name, known, n=1)
     return f"; did you mean '{near[0]}'?" if near else ""
-
-
-def _exposed(endpoint: str, publish: Publish) -> str | None:
-    """What is wrong with an endpoint's protection, or None."""
-    if publish.tls is not None:
-        return None if endpoint.startswith("tls/") else "found beside [publish.tls], expected tls/HOST:PORT: others have no certificate"
-    if endpoint.startswith("tls/"):
-        return "found, expected [publish.tls] with it"
-    if publish.plaintext or _stays_here(endpoint):
-        return None
-    return "leaves this machine unprotected, expected tls/HOST:PORT and [publish.tls], or plaintext = true on a trusted network"
-
-
-def _stays_here(endpoint: str) -> bool:
-    protocol, _, address = endpoint.partition("/")
-    host = address.rpartition(":")[0].strip("[]")
-    try:
-        return protocol == "unixsock-stream" or host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:  # a name, or nothing that Zenoh knows
-        return False

@@ -13,7 +13,7 @@ import msgspec
 import msgspec.inspect
 
 from echogrid.errors import EchogridError
-from echogrid.files import read
+from echogrid.files import read, surely
 
 T = TypeVar("T")
 MOST_BYTES = 1 << 20
@@ -48,7 +48,7 @@ def load(path: Path, kind: type[T]) -> T:
 
 def _other(path: Path) -> str:
     """The end of a sentence about a file that was given in place of a TOML file, such as a recording."""
-    return "" if path.suffix == ".toml" or not path.is_file() else ", expected a .toml file"
+    return "" if path.suffix == ".toml" or not surely(path.is_file) else ", expected a .toml file"
 
 
 def _finite(text: str) -> float:

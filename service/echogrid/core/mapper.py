@@ -182,7 +182,7 @@ class Mapper:
         self._hear(item)
 
     def _hear(self, item: EgoMotion | PoseFix) -> None:
-        self._learn()
+        self.learn()
         if isinstance(item, PoseFix):
             self.on_pose(item)
         else:
@@ -195,7 +195,7 @@ class Mapper:
 
     def update(self, now_ns: int) -> MapUpdate | None:
         """Ends the cycle if it is whole, or its time is up; the map's next state, or None where there was nothing to add."""
-        self._learn()
+        self.learn()
         gathering = self.gathering
         if gathering.begin_ns is not None and now_ns < gathering.begin_ns - BACK_NS:
             self._start_new_map("the clock was set back", now_ns)
@@ -208,7 +208,7 @@ class Mapper:
         """Predict, doubt, gate, remember, infer, integrate: what the pending scans say goes into the map, if it takes any here.
 
         What they say of the motion sensors is learned behind that, before anything else is heard: the map need not wait for it."""
-        self._learn()
+        self.learn()
         if self.frame is not None:
             self.frame.settle(self.odometry)
         sweep = self._trusted(self._place(self.pending))
@@ -237,7 +237,8 @@ class Mapper:
         numbers = [self._numbers[one.scan.sensor] for one in sweep.placed]
         return MapUpdate(ego, points.take(near, axis=0), Judged(points, sweep.scan, numbers, verdicts), map_from_odom)
 
-    def _learn(self) -> None:
+    def learn(self) -> None:
+        """What the newest cycle says of the motion sensors, which otherwise waits for what is heard next: for the end of a drive."""
         if (sweep := self._untaught) is not None:
             self._untaught = None
             self.doppler.add(sweep.placed, self.odometry.errors, self.noise)

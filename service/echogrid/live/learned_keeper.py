@@ -41,10 +41,9 @@ class LearnedKeeper:
             log.info("what earlier drives have taught of the car is used: %s", path)
 
     def run(self, stop: threading.Event) -> None:
-        """Writes every PERIOD, and at the end."""
+        """Writes every PERIOD. What a drive teaches at its end is written by who ends it."""
         while not stop.wait(PERIOD):
             self.write()
-        self.write()
 
     def write(self) -> None:
         """Raises nothing: mapping continues without, and the first failure is logged."""

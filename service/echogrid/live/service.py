@@ -68,6 +68,7 @@ class Service:
         self.manager = Manager(self.mapping.loop_age)
         self.publisher: Publisher | None = None
         self.keeper: TileKeeper | None = None
+        self.learned: LearnedKeeper | None = None
         self.recorder: McapRecorder | None = None
         self._record, self._foxglove, self._begun_ns = record, foxglove, begun_ns
         self._rates = Rates()
@@ -76,11 +77,15 @@ class Service:
         """Until `workers.stop` is set. Raises EchogridError where a bus or the publisher cannot be opened."""
         with ExitStack() as opened:
             self._open(opened)
+            if self.learned is not None:
+                opened.callback(self.learned.write)
             self.workers.add("guard", self.receiving.guard)
             self._report_live()  # before anything else is told of its state
             with self.workers:
                 try:
                     self.mapping.run(self.workers.stop, None if self.recorder is None else self.recorder.frame)
+                    with self.mapping.lock:
+                        self.pipeline.mapper.learn()  # the end of the drive: nothing is heard behind its last cycle
                 finally:
                     self.manager.notifier.stopping()
         if self.workers.failure is not None:
@@ -155,8 +160,8 @@ class Service:
         begun_ns = time.time_ns() if self._begun_ns is None else self._begun_ns
         self.keeper = opened.enter_context(self.pipeline.keep(path, begun_ns, self.mapping.lock))
         self.workers.add("keeper", self.keeper.run)
-        learned = LearnedKeeper(path.with_suffix(LEARNED), self.config, self.pipeline.mapper.odometry.errors, self.mapping.lock)
-        self.workers.add("learned", learned.run)
+        self.learned = LearnedKeeper(path.with_suffix(LEARNED), self.config, self.pipeline.mapper.odometry.errors, self.mapping.lock)
+        self.workers.add("learned", self.learned.run)
 
     def _report_live(self) -> None:
         self.live.set()

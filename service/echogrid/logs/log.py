@@ -13,7 +13,7 @@ import can
 
 from echogrid.can.intake.frames import FrameBatch, batches
 from echogrid.errors import EchogridError
-from echogrid.files import meant
+from echogrid.files import unread
 from echogrid.logs.formats import blf, library, pcap
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.kind import FIRST, hint
@@ -117,7 +117,7 @@ class Log:
         try:
             return self.path.open("rb")
         except OSError as error:
-            raise EchogridError(f"{self.path}: cannot be read: {error.strerror}{'' if self.path.exists() else meant(self.path)}") from error
+            raise unread(self.path, error) from error
 
     def _batches(self, raw: BinaryIO) -> Iterator[FrameBatch]:
         if self._suffix in BY_PATH:

@@ -13,6 +13,7 @@ from typing import Self
 import zenoh
 
 from echogrid.config import tables as config
+from echogrid.config.endpoint import EXAMPLE, nowhere
 from echogrid.errors import EchogridError
 from echogrid.topics.topic import ALIVE, FLEET, FULL, RUN, TOPICS, Message, Topic
 from echogrid.zenoh.access import access_control
@@ -24,7 +25,6 @@ from echogrid.zenoh.ros import RosNode, topic_keys, viewed
 from echogrid.zenoh.stream import Stream
 
 VIEWED = ("**", "**/@adv/**")  # `**` passes over chunks that begin with @, where the last map is asked for
-EXAMPLE = "tcp/127.0.0.1:7447"
 
 
 def key(vehicle: str, name: str) -> str:
@@ -123,8 +123,8 @@ def session_config(
     `credentials` for tls/ endpoints; `access`: Zenoh's access_control.
     """
     for endpoint in (*listen, *connect):
-        if re.match("(tcp|tls|udp|quic|ws)/", endpoint) and not re.search(r":\d+([?#]|$)", endpoint):
-            raise zenoh.ZError("it has no port")  # Zenoh tries in vain for ever
+        if (problem := nowhere(endpoint)) is not None:
+            raise zenoh.ZError(f"it {problem.partition(', expected')[0]}")
     pool = {"enabled": sends, "pool_size": 32 << 20, "message_size_threshold": 16 << 10}
     settings: dict[str, object] = {
         # A client's open() fails, or waits forever, without a router; others' returns and keeps trying. A router passes nothing

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 import importlib
+import logging
+import re
 import sqlite3
 import sys
 import warnings
@@ -30,13 +32,31 @@ def read_sqlite(path: Path, account: Account) -> Iterator[FrameBatch]:
 
 
 def read_mf4(path: Path, account: Account) -> Iterator[FrameBatch]:
-    """The frames of a bus logging; channels as the file numbers them. Raises ImportError where asammdf is missing."""
+    """The frames of a bus logging; channels as the file numbers them.
+
+    Raises ImportError where asammdf is missing, and ValueError, which names the program that wrote the file, where it reads no frames.
+    """
     if sys.modules.get("asammdf", can) is None:  # kept out by the program
         del sys.modules["asammdf"]
         importlib.reload(mf4)
     import asammdf  # type: ignore[import-not-found,unused-ignore]  # nobody else needs it
 
+    logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # it logs what it raises
     account.note(f"it was read by asammdf {asammdf.__version__}, which does not say what it leaves out")
+    try:
+        yield from _frames_of_mf4(path, account)
+    except Exception as error:  # of asammdf's own kinds too
+        raise ValueError(f"{str(error).rstrip('.') or type(error).__name__}; {_writer(path)}") from error
+
+
+def _writer(path: Path) -> str:
+    """Which program wrote an MF4 file, by the eight letters in its first block."""
+    with path.open("rb") as file:
+        name = re.sub(r"[^\x21-\x7e]", "", file.read(24)[16:].decode("latin-1"))
+    return f"its head names '{name}' as the program that wrote it" if name else "its head names no program that wrote it"
+
+
+def _frames_of_mf4(path: Path, account: Account) -> Iterator[FrameBatch]:
     reader, found = _mf4(path), 0
     try:
         for batch in batches(checked(_with_ids(reader), account)):
