@@ -61,7 +61,7 @@ def test_a_silent_bus_is_a_finding_and_one_that_is_not_there_an_error(tmp_path: 
     config, _ = written(tmp_path, winding().sub('interface = "virtual"', 'channel = "nowhere0"').sub('\nchannel = "can0"', ""))
     done = echogrid("check", "-c", config, "--seconds", "0.3")
     assert done.returncode == 1
-    assert done.stderr.startswith("echogrid: bus 'can0': socketcan channel 'nowhere0' cannot be opened: ")
+    assert done.stderr.startswith(f"echogrid: {config}: bus 'can0': socketcan channel 'nowhere0' cannot be opened: ")
     assert done.stderr.count("\n") == 1
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from tests.support.frames import CONFIG
+from tests.support.places import DBC
 from tests.support.waiting import PATIENCE
 
 from echogrid.can.signals import SignalReader
@@ -75,7 +76,7 @@ def test_the_smallest_configuration_drives(tmp_path: Path) -> None:
         ),
         (('vehicle = "test"', "map.cycle_ms = 1e308"), "map.cycle_ms: 1e+308 found, expected a number <= 1000000.0"),
         (('model = "analytic"', f'model = "default"\nmodel_sha256 = "{"0" * 64}"'), "model_sha256: given for 'default', expected beside"),
-        (('model = "analytic"', 'model_sha256 = "0"'), "model_sha256: '0' found, expected a text matching regex"),
+        (('model = "analytic"', 'model_sha256 = "0"'), "model_sha256: '0' found, expected 64 digits from 0 to f"),
         (("y = 0.8", "y = 1.8"), "radar[0]: 'front_left' is mounted at x = 3.6, y = 1.8 m, outside the car"),
         (("x = 3.6", ""), "radar[0]: the key 'x' is missing"),
         (('[motion]\nbus = "can0"', '[motion]\nbus = "can7"'), "motion.bus: no [[bus]] is named 'can7', found can0"),
@@ -104,6 +105,15 @@ def test_the_smallest_configuration_drives(tmp_path: Path) -> None:
             "bus[1]: 'b' and 'can0' are both channel 'can0'",
         ),
         (("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "none.toml"'), "none.toml: cannot be read: No such file"),
+        (("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "corner_rader"'), "or a path that ends in .toml; did you mean 'corner_radar'?"),
+        (("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "echogrid"'), "or a path that ends in .toml; did you mean 'echogrid.toml'?"),
+        (("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "echogrid.toml"'), "echogrid.toml: is a configuration, expected a profile"),
+        (("[[bus]]", "[bus]"), "bus: [bus] found, expected [[bus]]: there may be several"),
+        (('vehicle = "test"', "publish.rate = 5"), "publish: unknown key 'rate'; did you mean 'rate_hz'?"),
+        (
+            ('vehicle = "test"', 'ros.namespace = "car"'),
+            "ros.namespace: 'car' found, expected /, or names behind slashes such as /echogrid",
+        ),
         (("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "vehicle_motion"'), "vehicle_motion.toml: kind: 'motion' found, expected 'radar'"),
         (("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "ford_mrr"'), "is shipped without a DBC file"),
         (("yaw_deg = 45.0", 'yaw_deg = 45.0\ndbc = "none.dbc"'), "none.dbc: cannot be read: No such file"),
@@ -171,6 +181,7 @@ def test_a_name_that_no_file_can_have_is_said_with_its_key(tmp_path: Path, name:
         ("udp/127.0.0.1:65536", "has the port 65536, expected one from 1 to 65535"),
         ("tcp/:7447", "has no host"),
         ("127.0.0.1:7447", "has no protocol"),
+        ("tpc/127.0.0.1:7447", "has the protocol 'tpc', expected one such as 'tcp/127.0.0.1:7447'; did you mean 'tcp'?"),
     ],
 )
 def test_an_endpoint_that_leads_nowhere_is_said_first(tmp_path: Path, key: str, endpoint: str, expected: str) -> None:
@@ -183,6 +194,12 @@ def test_an_endpoint_that_leads_somewhere_is_taken(tmp_path: Path, endpoint: str
     path = tmp_path / "echogrid.toml"
     path.write_text(CONFIG.replace('vehicle = "test"', f'publish.connect = ["{endpoint}"]'))
     assert load_config(path).publish.connect == (endpoint,)
+
+
+@pytest.mark.parametrize("profile", sorted(DBC.glob("*.toml")), ids=lambda path: path.stem)
+def test_a_profile_in_place_of_a_configuration_is_called_one(profile: Path) -> None:
+    with pytest.raises(EchogridError, match="is a profile of kind '(radar|motion)', expected a configuration"):
+        load_config(profile)
 
 
 def test_no_radar_and_no_text(tmp_path: Path) -> None:

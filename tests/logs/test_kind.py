@@ -80,3 +80,9 @@ def test_a_file_that_is_what_its_name_says_gets_no_hint(recordings: dict[str, by
         (".log.gz", gzip.compress(b"x")),
     ):
         assert "give it a name" not in complaint(tmp_path / f"b{name}", data)
+
+
+def test_an_ending_that_is_mistyped_is_told_the_file_that_is_there(tmp_path: Path) -> None:
+    (tmp_path / "drive.blf").write_bytes(b"")
+    with pytest.raises(EchogridError, match=r"drive\.bfl: there is no such file; did you mean .*drive\.blf\?$"):
+        Log(tmp_path / "drive.bfl")

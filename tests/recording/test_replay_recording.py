@@ -253,3 +253,11 @@ def test_a_view_is_for_this_machine_alone_unless_a_host_is_written_out(text: str
 def test_what_is_no_address_is_refused(text: str) -> None:
     with pytest.raises(ArgumentTypeError, match="is not an address, expected PORT or HOST:PORT"):
         read_address(text)
+
+
+@pytest.mark.parametrize("name", ["a.blf", "a.log", "a.log.gz", "a.bag"])
+def test_a_recording_by_the_name_of_another_format_is_refused(tmp_path: Path, name: str) -> None:
+    """It would be a folder, for a bag of ROS 2."""
+    with pytest.raises(EchogridError, match=f"{name}: is not written, expected a name that ends in .mcap"):
+        McapWriter(tmp_path / name)
+    assert list(tmp_path.iterdir()) == []

@@ -6,6 +6,7 @@ hold `{n}`, the number of the message, and `{k}`, the number of the detection in
 
 from __future__ import annotations
 
+import difflib
 import math
 from importlib.resources import files
 from pathlib import Path
@@ -285,8 +286,10 @@ def find(name: str, beside: Path) -> Path:
         return beside / name
     path = shipped() / f"{name}.toml"
     if not surely(path.is_file):
-        known = ", ".join(sorted(entry.stem for entry in shipped().glob("*.toml")))
-        raise EchogridError(f"no profile '{name}' is shipped, expected one of {known}, or a path that ends in .toml")
+        known = sorted(entry.stem for entry in shipped().glob("*.toml"))
+        own = [f"{name}.toml"] if surely((beside / f"{name}.toml").is_file) else difflib.get_close_matches(name, known, n=1)
+        guess = f"; did you mean '{own[0]}'?" if own else ""
+        raise EchogridError(f"no profile '{name}' is shipped, expected one of {', '.join(known)}, or a path that ends in .toml{guess}")
     return path
 
 

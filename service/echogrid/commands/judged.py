@@ -69,20 +69,23 @@ def check_live(config: Config, source: Path, seconds: float, on_progress: Callab
     Raises EchogridError where a bus cannot be opened.
     """
     listener = Listener(config, source)
-    heard = listen(config, seconds, on_progress)
+    heard = listen(config, source, seconds, on_progress)
     times, traffic = Times(), Traffic(config, listener.reader)
     times.add(heard.stamps)
     traffic.take(heard, listener.take(heard))
     return _report(listener, Account(), times, traffic, None)
 
 
-def listen(config: Config, seconds: float, on_progress: Callable[[float], None] | None = None) -> FrameBatch:
+def listen(config: Config, source: Path, seconds: float, on_progress: Callable[[float], None] | None = None) -> FrameBatch:
     """All frames of the configured buses for so long, in the order of their times."""
     heard: list[FrameBatch] = []
     with ExitStack() as opened:
         buses = []
         for bus in config.bus:
-            buses.append(LiveBus(bus, []))
+            try:
+                buses.append(LiveBus(bus, []))
+            except EchogridError as error:
+                raise EchogridError(f"{source}: {error}") from error
             opened.callback(buses[-1].close)
         begin = time.monotonic()
         while (passed := time.monotonic() - begin) < seconds:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import ipaddress
 import re
 
@@ -9,6 +10,7 @@ from echogrid.config.tables import Publish
 
 EXAMPLE = "tcp/127.0.0.1:7447"
 PORTED = ("tcp", "tls", "udp", "quic", "ws")  # protocols whose address is HOST:PORT
+OTHERS = ("unixsock-stream", "unixpipe", "vsock", "serial")
 
 
 def nowhere(endpoint: str) -> str | None:
@@ -16,8 +18,11 @@ def nowhere(endpoint: str) -> str | None:
     protocol, slash, address = endpoint.partition("/")
     if not slash:
         return f"has no protocol, expected one such as '{EXAMPLE}'"
-    if protocol not in PORTED:
+    if protocol in OTHERS:
         return None
+    if protocol not in PORTED:
+        near = difflib.get_close_matches(protocol, PORTED, n=1)
+        return f"has the protocol '{protocol}', expected one such as '{EXAMPLE}'" + (f"; did you mean '{near[0]}'?" if near else "")
     host, _, port = re.split("[?#]", address, maxsplit=1)[0].rpartition(":")
     if not re.fullmatch("[0-9]+", port) or (host.startswith("[") and not host.endswith("]")):
         return f"has no port, expected one such as '{EXAMPLE}'"

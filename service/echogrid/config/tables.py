@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 
 from msgspec import Meta
 
-from echogrid.config.toml import Table
+from echogrid.config.toml import NAMESPACE, SHA256, WORD, Table
 from echogrid.core.evidence.inverse_sensor_model import BeamModel
 from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.map.tile import tile_bytes
@@ -22,7 +22,7 @@ Bitrate = Annotated[int, Meta(ge=1000, le=100_000_000)]  # bit/s
 Latency = Annotated[float, Meta(ge=-1000, le=1000)]
 Latitude = Annotated[float, Meta(ge=-90, le=90)]  # degrees
 Longitude = Annotated[float, Meta(ge=-180, le=180)]
-Name = Annotated[str, Meta(pattern="^[A-Za-z0-9_-]+$")]  # goes into Zenoh keys
+Name = Annotated[str, Meta(pattern=WORD)]  # goes into Zenoh keys
 NAMED = ("analytic", "default", "paper")  # models that are not a path
 NOISE, BEAM = GateNoise(), BeamModel()
 
@@ -188,7 +188,7 @@ class Ros(Table, frozen=True):
 
     distro: Literal["jazzy", "humble", "off"] = "jazzy"
     domain: Annotated[int, Meta(ge=0, le=232)] = 0  # ROS_DOMAIN_ID
-    namespace: Annotated[str, Meta(pattern="^(/|(/[A-Za-z_][A-Za-z0-9_]*)+)$")] = "/echogrid"
+    namespace: Annotated[str, Meta(pattern=NAMESPACE)] = "/echogrid"
 
 
 class Metrics(Table, frozen=True):
@@ -215,7 +215,7 @@ class Config(Table, frozen=True):
     pose: Pose | None = None
     vehicle: Name = "car"
     model: str = "default"  # one of NAMED, or the path of an .onnx file
-    model_sha256: Annotated[str, Meta(pattern="^[0-9a-f]{64}$")] | None = None  # of the path's file
+    model_sha256: Annotated[str, Meta(pattern=SHA256)] | None = None  # of the path's file
     model_fallback: bool = False  # the analytic model if the configured one fails its checks
     body: Body = Body()
     grid: Grid = Grid()

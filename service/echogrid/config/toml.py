@@ -18,7 +18,15 @@ from echogrid.files import read, surely
 T = TypeVar("T")
 MOST_BYTES = 1 << 20
 KINDS = {"float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "array": "an array", "object": "a table"}
+# What a text is to look like, and the words for it.
 WORD = "^[A-Za-z0-9_-]+$"  # of names that become parts of keys
+NAMESPACE = "^(/|(/[A-Za-z_][A-Za-z0-9_]*)+)$"
+SHA256 = "^[0-9a-f]{64}$"
+PATTERNS = {
+    WORD: "letters, digits, _ and - alone",
+    NAMESPACE: "/, or names behind slashes such as /echogrid",
+    SHA256: "64 digits from 0 to f",
+}
 
 
 class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -43,7 +51,18 @@ def load(path: Path, kind: type[T]) -> T:
     try:
         return msgspec.convert(document, kind)
     except msgspec.ValidationError as error:
-        raise EchogridError(f"{path}: {_sentence(str(error), kind, document)}") from error
+        raise EchogridError(f"{path}: {_mistaken(kind, document) or _sentence(str(error), kind, document)}") from error
+
+
+def _mistaken(kind: type, document: dict[str, object]) -> str | None:
+    """Where a profile was given for a configuration, or the other way round: what is said in place of its first key that does not fit."""
+    wanted = msgspec.inspect.type_info(kind)
+    is_profile = isinstance(wanted, msgspec.inspect.StructType) and wanted.tag_field == "kind"
+    if is_profile and "kind" not in document and {"bus", "radar"} & document.keys():
+        return "is a configuration, expected a profile, which begins with its kind"
+    if not is_profile and "kind" in document and "bus" not in document:
+        return f"is a profile of kind {document['kind']!r}, expected a configuration, which names it"
+    return None
 
 
 def _other(path: Path) -> str:
@@ -78,17 +97,19 @@ def _sentence(message: str, kind: type, document: object) -> str:
         known = " or ".join(repr(choice) for choice in _choices(msgspec.inspect.type_info(kind), parts))
         what = f"{_at(document, parts)!r:.60} found, expected {known}"
     elif what.startswith("Expected "):
-        expected = (
-            what.removeprefix("Expected ")
-            .partition(", got ")[0]
-            .replace(f"`str` matching regex '{WORD}'", "letters, digits, _ and - alone")
-        )
+        expected = what.removeprefix("Expected ").partition(", got ")[0]
+        for pattern, words in PATTERNS.items():
+            expected = expected.replace(f"`str` matching regex {pattern!r}", words)
         expected = re.sub(r"`(\w+)( \| null)?`", lambda kind: KINDS.get(kind[1], kind[1]), expected)
-        what = f"{_at(document, parts)!r:.60} found, expected {expected}"
+        found = _at(document, parts)
+        what = f"{found!r:.60} found, expected {expected}"
+        if expected == "an array" and isinstance(found, dict):
+            what = f"[{key}] found, expected [[{key}]]: there may be several"
     unknown = re.fullmatch(r"Object contains unknown field `(.*)`", what)
     if unknown:
         name, keys = unknown[1], _all_keys(kind)
-        near = difflib.get_close_matches(name, keys, n=1)
+        own = _keys_at(msgspec.inspect.type_info(kind), parts)
+        near = difflib.get_close_matches(name, own, n=1) or difflib.get_close_matches(name, keys, n=1)
         guess = "; it is one of another table" if name in keys else f"; did you mean '{near[0]}'?" if near else ""
         what = f"unknown key '{name}'{guess}"
     missing = re.fullmatch(r"Object missing required field `(.*)`", what)
@@ -115,6 +136,19 @@ def _choices(info: msgspec.inspect.Type, parts: list[str]) -> tuple[object, ...]
             return (info.tag,)
         return next((_choices(field.type, parts[1:]) for field in info.fields if field.encode_name == parts[0]), ())
     return _choices(info.item_type, parts[1:]) if isinstance(info, msgspec.inspect.VarTupleType | msgspec.inspect.ListType) else ()
+
+
+def _keys_at(info: msgspec.inspect.Type, parts: list[str]) -> list[str]:
+    """The keys of the table that stands under a key."""
+    if isinstance(info, msgspec.inspect.UnionType):
+        return next((found for one in info.types if (found := _keys_at(one, parts))), [])
+    if isinstance(info, msgspec.inspect.VarTupleType | msgspec.inspect.ListType):
+        return _keys_at(info.item_type, parts[1:])
+    if not isinstance(info, msgspec.inspect.StructType):
+        return []
+    if not parts:
+        return [field.encode_name for field in info.fields]
+    return next((_keys_at(field.type, parts[1:]) for field in info.fields if field.encode_name == parts[0]), [])
 
 
 def _all_keys(kind: object, seen: frozenset[object] = frozenset()) -> set[str]:

@@ -13,7 +13,7 @@ import can
 
 from echogrid.can.intake.frames import FrameBatch, batches
 from echogrid.errors import EchogridError
-from echogrid.files import unread
+from echogrid.files import meant, surely, unread
 from echogrid.logs.formats import blf, library, pcap
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.kind import FIRST, hint
@@ -59,14 +59,16 @@ class Log:
         self._packing = suffixes.pop() if suffixes and suffixes[-1] in PACKED else ""
         self._suffix = suffixes[-1] if suffixes else ""
         known = (*OURS, *BY_PATH, ".mcap")
-        if path.is_dir():
+        if surely(path.is_dir):
             raise EchogridError(f"{path}: is a folder, expected a recording, such as {path / 'can.log'}")
+        if self._suffix not in known and not surely(path.exists) and (near := meant(path)):
+            raise EchogridError(f"{path}: there is no such file{near}")
         if self._suffix not in known:
             raise EchogridError(
                 f"{path}: is not a known log format, expected one of {' '.join(sorted(known))}, each also with {' or '.join(PACKED)}"
             )
         self._size = 0
-        if not path.is_fifo():  # through a pipe all comes once, and no one knows how much
+        if not surely(path.is_fifo):  # through a pipe all comes once, and no one knows how much
             with self._opened() as file:
                 self._size = os.fstat(file.fileno()).st_size
         self._ended = False

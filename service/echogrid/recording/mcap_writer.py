@@ -14,6 +14,7 @@ import can
 from echogrid import __version__
 from echogrid.errors import EchogridError
 from echogrid.files import whole
+from echogrid.logs.log import BY_PATH, OURS, PACKED
 from echogrid.recording.bag import BagTopic, information, quality, serialized
 from echogrid.recording.viewer_channel import ViewerChannel, can_channel, recorded_channel
 from echogrid.topics.can_frame import LONGEST_NAME, encode_frame, stamp_ns
@@ -39,6 +40,8 @@ class McapWriter:
             from mcap.writer import Writer
         except ImportError as error:
             raise EchogridError(f"{path}: mcap is not installed: pip install mcap") from error
+        if path.suffix in (*OURS, *BY_PATH, *PACKED, ".bag"):
+            raise EchogridError(f"{path}: is not written, expected a name that ends in .mcap, or that of a folder for a bag of ROS 2")
         self._folder = None if path.suffix == ".mcap" else path
         self.path = path if self._folder is None else path / f"{path.name}_0.mcap"
         try:
