@@ -15,7 +15,7 @@ from tests.support import astyx_files, nuscenes_files, posts, radarscenes_files
 from tests.support.networks import default, write
 
 from echogrid.errors import EchogridError
-from echogrid_training.evaluation.real import add_real_arguments, finite, run_real
+from echogrid_training.evaluation.real import add_real_arguments, finite, named, run_real
 
 NUSCENES = {"front_left": "FRONT_LEFT", "front_right": "FRONT_RIGHT", "rear_left": "BACK_LEFT", "rear_right": "BACK_RIGHT"}
 
@@ -123,6 +123,11 @@ def test_an_analytic_model_is_no_network(tmp_path: Path, capsys: pytest.CaptureF
     with pytest.raises(SystemExit):
         evaluate("astyx", tmp_path / "none.npz", model="analytic", out=tmp_path)
     assert "'analytic' found, expected default, paper, or the path of an .onnx file" in capsys.readouterr().err
+
+
+def test_a_model_that_is_mistyped_is_told_the_one_that_is_meant() -> None:
+    with pytest.raises(argparse.ArgumentTypeError, match="'defualt' found, expected default, paper, or .*; did you mean 'default'?"):
+        named("defualt")
 
 
 def test_a_drive_without_places_and_a_file_that_is_no_network_are_one_sentence(model: str, tmp_path: Path) -> None:

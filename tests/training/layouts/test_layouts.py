@@ -244,6 +244,7 @@ def test_mistakes_are_one_sentence(street: Street, tmp_path: Path, capsys: pytes
         (["kitti", str(tmp_path / "none")], "none: does not exist, expected a folder of KITTI's raw data"),
         (["kitti", str(tmp_path)], "holds neither velodyne_points (raw data) nor velodyne (odometry benchmark)"),
         (["kitti", str(raw)], "timestamps.txt: line 1: 'yesterday' is no time such as"),
+        (["nuscenes", str(tmp_path / "none"), "--lidar"], "none: there is no such folder; expected nuScenes' official layout"),
         (["nuscenes", str(tmp_path), "--lidar"], "holds no v1.0-* tables; the lidar is in the official layout alone"),
     ):
         assert cli.main(["import", *arguments, *out]) == 1

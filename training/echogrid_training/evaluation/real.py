@@ -7,6 +7,7 @@ run from its file. What is scored: recorded/scores.py on drives, recorded/astyx.
 from __future__ import annotations
 
 import argparse
+import difflib
 import json
 import math
 import tempfile
@@ -18,7 +19,7 @@ from typing import Any
 
 from echogrid.core.evidence.raster import GridSpec
 from echogrid.files import check_file, check_folder
-from echogrid.model.choice import choose
+from echogrid.model.choice import SHIPPED, choose
 from echogrid_training.drives import nuscenes, radarscenes
 from echogrid_training.drives.drive import write_drive
 from echogrid_training.evaluation.recorded import astyx as real_astyx
@@ -46,8 +47,10 @@ def add_real_arguments(parser: argparse.ArgumentParser) -> None:
 
 def named(text: str) -> str:
     """An argument that names a network."""
-    if text not in ("default", "paper") and not text.endswith(".onnx"):
-        raise argparse.ArgumentTypeError(f"'{text}' found, expected default, paper, or the path of an .onnx file")
+    if text not in SHIPPED and not text.endswith(".onnx"):
+        near = difflib.get_close_matches(text, SHIPPED, n=1)
+        guess = f"; did you mean '{near[0]}'?" if near else ""
+        raise argparse.ArgumentTypeError(f"'{text}' found, expected {', '.join(SHIPPED)}, or the path of an .onnx file{guess}")
     return text
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from echogrid.core.messages import Floats
 from echogrid.errors import EchogridError
+from echogrid.files import meant
 from echogrid_training.drives import nuscenes
 from echogrid_training.labelling.clouds import Cloud
 from echogrid_training.labelling.lidar_mount import Pose3
@@ -26,6 +27,8 @@ HALF_A_TURN_MS = 25.0
 
 def load(root: Path, scene: str | None, track: Track = untracked) -> Brought:
     """One scene of the official layout. Raises EchogridError."""
+    if not root.is_dir():
+        raise EchogridError(f"{root}: there is no such folder; expected nuScenes' official layout{meant(root)}")
     if not any(root.glob("v1.0-*")):
         raise EchogridError(f"{root}: holds no v1.0-* tables; the lidar is in the official layout alone")
     _, tables, token = nuscenes.official_scene(root, scene)
