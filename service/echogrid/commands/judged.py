@@ -103,5 +103,7 @@ def listen(config: Config, source: Path, seconds: float, on_progress: Callable[[
 
 def _report(listener: Listener, account: Account, times: Times, traffic: Traffic, torn: EchogridError | None) -> Report:
     judgement, findings, mender = listener.judged()
+    if traffic.coarse(times):  # which look like pauses
+        findings = [one for one in findings if one.code != "silence"]
     fixes = tuple(mender.fix(one) for one in findings)
     return Report(listener, account, times, traffic, torn, listener.recorded(), judgement, tuple(findings), fixes)

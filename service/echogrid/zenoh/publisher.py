@@ -189,7 +189,7 @@ def _refused(settings: config.Publish, error: BaseException) -> str:
             except zenoh.ZError as own:
                 what = reason(own)
                 if "Address already in use" in what:
-                    advice = "another program has this port: stop that one, or choose another"
+                    advice = "another program has this port: stop it, choose another, or, if it is a Zenoh router, publish.connect to it"
                     return f"publish.listen: '{endpoint}' cannot be listened on: {advice}"
                 return f"publish.{name}: Zenoh refuses '{endpoint}' ({what}), expected an endpoint such as '{EXAMPLE}'"
     return f"publish: Zenoh cannot be started: {reason(error)}"

@@ -58,7 +58,8 @@ class Times:
         if self.frames > 1 and self.seconds == 0:
             return [f"its times do not go on: all {self.frames} frames are of {self.first:.6f} s"]
         if self.farthest_back > DISORDER:
-            return [f"its times go back {self.backward} times, by up to {self.farthest_back:.3f} s"]
+            often = "once, by" if self.backward == 1 else f"{self.backward} times, by up to"
+            return [f"its times go back {often} {self.farthest_back:.3f} s"]
         return []
 
     def notes(self) -> list[str]:
