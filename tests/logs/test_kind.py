@@ -11,7 +11,7 @@ import zstandard
 from tests.support.frames import wheel_speeds
 
 from echogrid.errors import EchogridError
-from echogrid.logs.log import OURS, Log
+from echogrid.logs.log import BY_PATH, OURS, Log
 from echogrid.recording.mcap_writer import McapWriter
 
 MESSAGES = [wheel_speeds(3.0, n, 1000.0 + n / 100) for n in range(20)]
@@ -86,3 +86,8 @@ def test_an_ending_that_is_mistyped_is_told_the_file_that_is_there(tmp_path: Pat
     (tmp_path / "drive.blf").write_bytes(b"")
     with pytest.raises(EchogridError, match=r"drive\.bfl: there is no such file; did you mean .*drive\.blf\?$"):
         Log(tmp_path / "drive.bfl")
+
+
+@pytest.mark.parametrize("name", [*OURS, *BY_PATH, ".mcap", ".log.gz", ".blf.zst"])
+def test_an_empty_file_is_called_empty(tmp_path: Path, name: str) -> None:
+    assert complaint(tmp_path / f"a{name}", b"").endswith("; the file is empty")

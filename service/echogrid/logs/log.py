@@ -110,6 +110,8 @@ class Log:
 
     def _hint(self) -> str:
         """What else a file without a frame may be, as the end of a sentence."""
+        if not self._size and not self.path.is_fifo():
+            return "; the file is empty"
         if self.messages or not self._size:
             return ""
         with self._opened() as file:
