@@ -112,6 +112,7 @@ def test_a_device_is_not_called_missing(line: str) -> None:
     [
         (f"replay {DEMO} --out note", "note: is a file, expected a folder"),
         (f"replay {DEMO} --out note/below", "note/below: cannot be made: {here}/note is a file"),
+        (f"replay {DEMO} --out {'x' * 300}", f"{'x' * 300}: cannot be made: File name too long"),
         (f"replay {DEMO} --publish --out note", "note: is a file, expected a folder"),
         (f"replay {DEMO} --store none/new.egmap", "none/new.egmap: there is no folder none"),
         (f"replay {DEMO} --publish --store new.map", "new.map: is not written, expected a name that ends in .egmap"),

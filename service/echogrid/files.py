@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import errno
 import fcntl
 import os
 from collections.abc import Callable, Iterator
@@ -33,6 +34,15 @@ def surely(asked: Callable[[], bool]) -> bool:
         return asked()
     except OSError:
         return False
+
+
+def never(path: Path) -> str | None:
+    """Why no file or folder can have that name, now or later; None where one can."""
+    try:
+        path.stat()
+    except OSError as error:
+        return error.strerror if error.errno == errno.ENAMETOOLONG else None
+    return None
 
 
 def no_file(path: Path, *names: str) -> EchogridError:
@@ -66,6 +76,8 @@ def unread(path: Path, error: OSError) -> EchogridError:
 
 def check_folder(path: Path) -> None:
     """Before work whose results go there: it is a folder that can be written, or can be made. Raises EchogridError."""
+    if (why := never(path)) is not None:
+        raise EchogridError(f"{path}: cannot be made: {why}")
     there = next(one for one in (path, *path.absolute().parents) if os.path.lexists(one))
     if not there.is_dir():
         raise EchogridError(f"{path}: is a file, expected a folder" if there == path else f"{path}: cannot be made: {there} is a file")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import errno
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from echogrid.core.map.look_map import LookMap
 from echogrid.core.map.occupancy import OccupancyMap
 from echogrid.core.map.tile import MOST_RADARS, most_tiles_along
 from echogrid.errors import EchogridError
-from echogrid.files import meant, surely
+from echogrid.files import meant, never, surely
 
 BUMPER = 0.2  # m: how far outside the outline a radar may sit, behind a bumper
 
@@ -104,7 +103,7 @@ def _problems(config: Config) -> Iterator[str]:
         yield f"metrics.file: '{file}' found, expected an absolute path that ends in .prom, as node_exporter reads no other"
     if config.store.path is not None and surely(Path(config.store.path).is_dir):
         yield f"store.path: {config.store.path} is a folder, expected the name of a file in it, such as map.egmap"
-    elif config.store.path is not None and (why := _never(config.store.path)) is not None:
+    elif config.store.path is not None and (why := never(Path(config.store.path))) is not None:
         yield f"store.path: {config.store.path} cannot be the name of a file: {why}"
     body = config.body
     for index, radar in enumerate(config.radar):
@@ -124,15 +123,6 @@ def _problems(config: Config) -> Iterator[str]:
             problem = nowhere(endpoint) or exposed(endpoint, config.publish)
             if problem is not None:
                 yield f"publish.{key}: '{endpoint}' {problem}"
-
-
-def _never(path: str) -> str | None:
-    """Why no file can have that name, now or later; None where one can."""
-    try:
-        Path(path).stat()
-    except OSError as error:
-        return error.strerror if error.errno == errno.ENAMETOOLONG else None
-    return None
 
 
 def _about_pose(config: Config, buses: list[str]) -> Iterator[str]:
