@@ -12,11 +12,9 @@ import pytest
 
 from echogrid.cli import _parser
 from echogrid.commands.replay import replay
-from echogrid.config.loading import load_config
 from echogrid.errors import EchogridError
 from echogrid.files import no_file, whole
 from echogrid.logs.drive import find_drive
-from echogrid.logs.log import Log
 from tests.support import disk, world
 from tests.support.places import DEMO
 from tests.support.waiting import PATIENCE
