@@ -10,7 +10,7 @@ from typing import Any
 SWITCH = 0.0005  # s: after so long a thread gives way to one that waits; Python's own 5 ms would be longer than a map update
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8  # of malloc.h
 OF_ITS_OWN = 512 << 10  # bytes from which on a piece of memory goes back as soon as it is not needed
-KEPT = 1 << 20  # bytes at the heap's end that stay: given back after every map update and asked for by the next one, they cost a tenth of it
+KEPT = 1 << 20  # bytes at the heap's end that stay: given back after every map update and asked for by the next, they cost a tenth of it
 
 
 def begin() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,12 +14,13 @@ Places = NDArray[np.int32]
 Bytes = NDArray[np.uint8]
 Bits = NDArray[np.uint16]
 Mask = NDArray[np.bool_]
+Whole = TypeVar("Whole", bound=np.integer[Any])
 
 SIDE = 128  # cells along a tile's side
 OWN, PASSED, HIT = 1, 2, 4  # bits of what a look has marked a cell with
 
 
-def once(values: NDArray[np.integer]) -> NDArray[np.integer]:
+def once(values: NDArray[Whole]) -> NDArray[Whole]:
     """Those of (N,) whole numbers that differ, in order. Sorts; np.unique fills a hash table since numpy 2.3: 2 to 3 times as long."""
     ordered = np.sort(values)
     return ordered[np.r_[True, ordered[1:] != ordered[:-1]]] if len(ordered) else ordered
