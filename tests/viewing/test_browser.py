@@ -17,7 +17,7 @@ from tests.support.playing import playing, published_drive
 from tests.support.waiting import until
 
 from echogrid.client import Client
-from echogrid.judging import page as judging_page
+from echogrid.judging.pages import page as judging_page
 from echogrid.logs.drive import find_drive
 from echogrid.maps.dense_map import write_npz
 from echogrid.viewing.doors import Door

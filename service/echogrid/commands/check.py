@@ -61,7 +61,7 @@ def command(
     shown = name if log is None else str(log)
     print(json.dumps(as_document(report, config_path, log), indent=2) if as_json else render(report, shown))
     if page is not None:
-        from echogrid.judging.page import page_of
+        from echogrid.judging.pages.page import page_of
 
         with whole(page) as partial:
             partial.write_text(page_of(report.recorded, report.judgement, said(report), f"{name} with {config_path.name}"))

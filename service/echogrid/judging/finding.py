@@ -29,6 +29,7 @@ CODES = {
     "wheel_scale": "the speed is off by a few percent",
     "yaw_rate_sign": "the yaw rate has the wrong sign",
     "yaw_rate_unit": "the yaw rate is off by a unit's factor",
+    "yaw_rate_scale": "the yaw rate is off by a factor of no unit, as of another DBC version",
     "yaw_rate_bias": "the yaw rate is not 0 while the car goes straight or stands",
     "azimuth_sign": "azimuths, or y, have the wrong sign",
     "azimuth_unit": "azimuths are off by a unit's factor",

@@ -15,8 +15,8 @@ from echogrid.judging.recorded import RadarTrack, Recorded, Track
 from echogrid.judging.refining import Errors, refine
 from echogrid.judging.sectors import MUCH, blind, dead_sector, lost_scans, outside
 from echogrid.judging.sensor_velocity import SensorVelocity, sensor_velocity
-from echogrid.judging.small_errors import small_errors
-from echogrid.judging.values import LEAPS, azimuth_factor, range_factor, ranges_leap, speed_leaps, yaw_rate_leaps
+from echogrid.judging.small_errors import PLACES, small_errors, turned_otherwise
+from echogrid.judging.values import LEAPS, azimuth_factor, range_factor, ranges_leap, ranges_say, speed_leaps, stands_out, yaw_rate_leaps
 from echogrid.judging.weighing import Hypothesis, Weighed, placed, sample, weigh
 
 LOST = 0.05  # share of the scans, or of motion's frames
@@ -31,7 +31,9 @@ FAR = 60.0  # m that must be driven before anything is said of ranges, or that a
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """`errors` and `weighed` are None where the recording does not allow any judgement by Doppler; `velocities` one for each radar."""
+    """`errors` and `weighed` are None where the recording does not allow any judgement by Doppler, and `errors` where no radar's range
+    rates fit ego motion; `velocities` one for each radar.
+    """
 
     findings: tuple[Finding, ...]
     undecided: tuple[Undecided, ...]
@@ -67,7 +69,8 @@ def judge(recorded: Recorded, profiles: Mapping[str, str]) -> Judgement:
     radars = tuple(mended.get(radar.name, radar) for radar in radars)
     findings += doppler.findings
     undecided = list(doppler.undecided)
-    if _way(recorded.speed) >= FAR:
+    factor = 1.0 if doppler.weighed is None else abs(doppler.weighed.best.speed_factor)
+    if factor * _way(recorded.speed) >= FAR:
         findings += _ranges([radar for radar in radars if radar.name not in leaping], profiles)
         findings += _sight(radars, leaping)
     else:
@@ -166,6 +169,7 @@ def _by_doppler(
 ) -> Doppler:
     """Weighs the hypotheses, mends the drive by the best, and refines what is left. `measured`: whose values are measurements at all."""
     samples = {n: sample(velocities[n], recorded.speed, recorded.yaw_rate) for n in measured}
+    samples = {n: replace(one, by_ranges=ranges_say(radars[n], one.ratio)) for n, one in samples.items()}
     told = [n for n, one in samples.items() if one.worth >= LEAST_WORTH]
     undecided = [
         Undecided("needs_speed", f"radar {radars[n].name}: not judged by Doppler: drive for 20 s at more than 3 m/s past standing things")
@@ -176,19 +180,33 @@ def _by_doppler(
         return Doppler(undecided=tuple(undecided))
     chosen = [radars[n] for n in told]
     weighed = weigh([samples[n] for n in told], [one.mount for one in chosen], [profiles[one.name] for one in chosen])
-    found = findings_of(weighed, chosen) if np.mean(weighed.unexplained) < UNEXPLAINED else []
-    doubtful = set()
-    for radar, left in zip(chosen, weighed.unexplained, strict=True):
-        if left > UNEXPLAINED:
-            doubtful.add(radar.name)
+    believed = np.mean(weighed.unexplained) < UNEXPLAINED
+    found = findings_of(weighed, chosen) if believed else []
+    mended, speed, yaw_rate = _mend(chosen, recorded, weighed.best)
+    doubtful = {radar.name for radar, left in zip(chosen, weighed.unexplained, strict=True) if left > UNEXPLAINED}
+    for n, radar in enumerate(chosen):
+        if radar.name not in doubtful:
+            continue
+        if stands_out(mended[n], speed, yaw_rate) if believed else stands_out(radar, recorded.speed, recorded.yaw_rate):
+            sentence = f"radar {radar.name}: most of what it sees moves: drive for 20 s at more than 3 m/s past standing things"
+            undecided.append(Undecided("needs_speed", sentence))
+        else:
+            left = weighed.unexplained[n]
             sentence = f"radar {radar.name}: {left:.0%} of its scans fit neither ego motion nor any mistake that is known"
             found.append(Finding("unexplained", sentence, left, "of its scans", 0.8, "Doppler over the drive", (radar.name,)))
-    mended, speed, yaw_rate = _mend(chosen, recorded, weighed.best)
-    errors = refine(mended, [velocities[n].agrees for n in told], speed, yaw_rate)
+    if len(doubtful) == len(chosen):
+        return Doppler(weighed, None, tuple(mended), tuple(found), tuple(undecided))
+    agrees = [velocities[n].agrees & (radars[n].name not in doubtful) for n in told]
+    errors = refine(mended, agrees, speed, yaw_rate)
     small, missing = small_errors(mended, weighed.best, errors, speed, doubtful)
-    if _bends(yaw_rate) < BENDS:
+    bends = _bends(yaw_rate) >= BENDS
+    turned = turned_otherwise(mended, agrees, weighed.best, errors, speed, yaw_rate, doubtful, bends)
+    if turned is not None:
+        errors, small, missing = turned
+    if not bends:
         sentence = "signs of azimuth and yaw rate, and mirrored mounts, are told apart in bends alone: drive some of them, left and right"
         missing.append(Undecided("needs_turn", sentence))
+        small = [one for one in small if one.code not in PLACES]
     return Doppler(weighed, errors, tuple(mended), tuple(found + small), (*undecided, *missing))
 
 

@@ -25,11 +25,17 @@ from echogrid.judging.by_hypothesis import findings_of_pose
 from echogrid.judging.finding import Finding, Undecided
 from echogrid.judging.judge import LOST, Judgement, counted, judge
 from echogrid.judging.mending import Mender
+from echogrid.judging.on_the_way import bias_on_the_way
 from echogrid.judging.recorded import NS, Recorded, collect
+from echogrid.judging.refining import standing_bias
+from echogrid.judging.small_errors import NEEDS_STOP, STANDING, about_bias
 from echogrid.judging.traffic import FrameId, Moved, Owner, judge_traffic
 
 SHORT = 0.5  # share of an owner's frames that are shorter than the DBC says, from which on it is the DBC
 MOST_INVALID = 0.9  # share of the places, from which on latitude and longitude may be swapped
+SMALL = {"mount_yaw", "time_offset", "wheel_scale", "blocked", "blocked_sector", "field_of_view"}  # findings that disturb nothing else
+LIKELY = 1.645  # sigmas: 95 %, of an estimate with all that is known beforehand in it
+ON_THE_WAY = "the rear wheels' difference, and standing things that were seen again, over the drive"
 SILENCE = 0.5  # s without a sample or scan
 SPEED, YAW_RATE, POSE, RECORDING = "speed", "yaw rate", "pose", "recording"
 NO_CHANNELS = Finding(
@@ -101,7 +107,7 @@ class Listener:
         about_traffic, moved = judge_traffic(self.owners, self.heard, self.channels)
         about_traffic += self._lengths_and_counters(recorded, {name for one in about_traffic for name in (*one.radars, one.subject)}, moved)
         settings = {radar.name: f"{radar.profile} {radar.dbc}" for radar in self.config.radar}
-        judgement = judge(recorded, settings)
+        judgement = self._with_bias(judge(recorded, settings), recorded)
         about_pose: list[Finding] = []
         if self.config.pose is not None and self.config.pose.key is not None:
             sentence = f"pose: not judged: it comes over Zenoh, by {self.config.pose.key}, which CAN frames do not show"
@@ -110,6 +116,20 @@ class Listener:
             about_pose, missing = self._pose(recorded)  # else it is not the pose that is wrong
             judgement = replace(judgement, undecided=(*judgement.undecided, *missing))
         return judgement, [*about_traffic, *judgement.findings, *about_pose], replace(self.mender, moved=moved)
+
+    def _with_bias(self, judgement: Judgement, recorded: Recorded) -> Judgement:
+        """With what is said of the yaw rate's bias where Doppler does not say it better, and nothing gross is wrong."""
+        told = judgement.errors is not None and judgement.errors.standing is not None
+        if told or judgement.weighed is None or {one.code for one in judgement.findings} - SMALL:
+            return judgement
+        standing = standing_bias(recorded.speed, recorded.yaw_rate)
+        if standing is not None:
+            found, missing = about_bias(standing, STANDING)
+        else:
+            mounts = {radar.name: radar.mount() for radar in self.config.radar}
+            found, missing = about_bias(bias_on_the_way(self.motion, self.scans, mounts, self.config.gate.noise()), ON_THE_WAY, LIKELY)
+        undecided = [one for one in judgement.undecided if one.code != NEEDS_STOP]
+        return replace(judgement, findings=(*judgement.findings, *found), undecided=(*undecided, *missing))
 
     def _pose(self, recorded: Recorded) -> tuple[list[Finding], list[Undecided]]:
         """The pose from outside beside the car's own motion."""

@@ -244,6 +244,7 @@ class Mender:
 
 SAYS = {
     "scale": "no unit has this factor: the DBC's scale of the signal is another than the sensor's; take the DBC of its version",
+    "yaw_rate_scale": "the DBC's scale of the yaw rate is another than the sensor's; take the DBC of its version",
     "azimuth_scale": "the DBC's scale of the azimuths is another than the sensor's; take the DBC of its version",
     "range_scale": "the DBC's scale of the ranges is another than the sensor's; take the DBC of its version",
     "range_rate_scale": "the DBC's scale of the range rates is another than the sensor's; take the DBC of its version",

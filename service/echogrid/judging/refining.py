@@ -44,9 +44,9 @@ class Estimate:
     value: float
     sigma: float
 
-    def beyond(self, limit: float) -> bool:
-        """Whether it is surely, by two sigmas, farther from 0."""
-        return abs(self.value) - 2 * self.sigma > limit
+    def beyond(self, limit: float, sigmas: float = 2.0) -> bool:
+        """Whether it is surely, by so many sigmas, farther from 0."""
+        return abs(self.value) - sigmas * self.sigma > limit
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ class RadarErrors:
     spread: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Errors:
     """True speed = (1 + `scale`) x decoded; true yaw rate = (1 + `turn_scale`) x decoded - `bias` (rad/s).
 
@@ -75,6 +75,7 @@ class Errors:
     bias: Estimate
     turn_scale: Estimate
     standing: Estimate | None
+    offsets: Floats  # (R, R) s², covariance of the radars' offsets
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,11 +89,14 @@ class _Chosen:
     interval: Floats
 
 
-def refine(radars: Sequence[RadarTrack], agrees: Sequence[Flags], speed: Track, yaw_rate: Track) -> Errors:
-    """`radars` and motion as the weighed hypothesis mends them; `agrees` (N,) which detections stand, by each scan itself."""
+def refine(radars: Sequence[RadarTrack], agrees: Sequence[Flags], speed: Track, yaw_rate: Track, turn_scale: float = TURN_SCALE) -> Errors:
+    """`radars` and motion as the weighed hypothesis mends them; `agrees` (N,) which detections stand, by each scan itself.
+
+    `turn_scale`: prior sigma of the yaw rate's scale.
+    """
     chosen = [_choose(radar, stands, speed) for radar, stands in zip(radars, agrees, strict=True)]
     count = OWN * len(radars) + COMMON
-    prior = np.array([YAW, OFFSET, RATE_BIAS, STRETCH, PLACE, PLACE] * len(radars) + [SCALE, BIAS, TURN_SCALE, AXLE, SLIP]) ** -2.0
+    prior = np.array([YAW, OFFSET, RATE_BIAS, STRETCH, PLACE, PLACE] * len(radars) + [SCALE, BIAS, turn_scale, AXLE, SLIP]) ** -2.0
     at_rest = standing_bias(speed, yaw_rate)
     centre = np.zeros(count)
     if at_rest is not None:
@@ -128,8 +132,9 @@ def refine(radars: Sequence[RadarTrack], agrees: Sequence[Flags], speed: Track, 
     for n, spread in enumerate(spreads):
         yaw, offset, rate_bias, _, x, y = each[OWN * n : OWN * n + OWN]
         errors.append(RadarErrors(yaw, offset, rate_bias, x, y, spread))
-    scale, bias, turn_scale = each[-COMMON : -COMMON + 3]
-    return Errors(tuple(errors), scale, bias, turn_scale, at_rest)
+    scale, bias, turning = each[-COMMON : -COMMON + 3]
+    own = np.arange(len(radars)) * OWN + 1
+    return Errors(tuple(errors), scale, bias, turning, at_rest, covariance[np.ix_(own, own)])
 
 
 def standing_bias(speed: Track, yaw_rate: Track) -> Estimate | None:

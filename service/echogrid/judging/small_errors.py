@@ -1,28 +1,32 @@
-"""The small errors that matter: mount yaws, time offsets, wheel scale, yaw-rate bias; and the manoeuvre that is missing to know them."""
+"""The small errors that matter: mounts, time offsets, wheel scale, yaw-rate bias; and the manoeuvre that is missing to know them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from echogrid.core.motion.se2 import SE2
 from echogrid.judging.finding import Finding, Undecided, surely
-from echogrid.judging.recorded import RadarTrack, Track
-from echogrid.judging.refining import Errors, Estimate, RadarErrors
+from echogrid.judging.offsets import time_offsets
+from echogrid.judging.recorded import Flags, RadarTrack, Track
+from echogrid.judging.refining import Errors, Estimate, RadarErrors, refine
 from echogrid.judging.weighing import Hypothesis
 
 # From where on an error is worth a word, and what recordings of sound sensors showed beyond the noise: sigmas that are added.
 YAW_LIMIT, YAW_SYSTEMATIC = math.radians(1.0), math.radians(0.25)
 PLACE_LIMIT, PLACE_SYSTEMATIC = 0.5, 0.2  # m
-OFFSET_LIMIT, OFFSET_SYSTEMATIC = 0.03, 0.01  # s
 SCALE_LIMIT, SCALE_SYSTEMATIC = 0.01, 0.002
 BIAS_LIMIT = math.radians(0.2)  # per s
 BIAS_BY_YAW = math.radians(0.3)  # azimuth errors that depend on speed or place, and look like a bias: times the speed, by the lever arm
-KNOWN_YAW, KNOWN_OFFSET, KNOWN_SCALE, KNOWN_BIAS = math.radians(0.5), 0.02, 0.01, math.radians(0.25)  # one sigma: a larger one says nothing
-CERTAIN = 5.0  # sigmas: what is so far off is told however little is known; less may be the mounts' yaws, in the first seconds of a drive
-CHANGES = "changes of Doppler over the drive"
+KNOWN_YAW, KNOWN_SCALE, KNOWN_BIAS = math.radians(0.5), 0.01, math.radians(0.25)  # one sigma: a larger one says nothing
+PLACES = ("mount_x", "mount_y")
+STANDING = "the yaw rate while the wheels stood"
+YAW_RATE, NEEDS_STOP = "yaw rate", "needs_stop"
+ANY_TURN, TURN_LIMIT = 3.0, 0.1  # prior sigma of a scale of the yaw rate that may be anything, and from where on it is worth a word
+CERTAIN = 5.0  # sigmas: what is so far off is told however little is known; less may be other errors, in the first seconds of a drive
 
 
 def small_errors(
@@ -32,7 +36,8 @@ def small_errors(
     found: list[Finding] = []
     missing: list[Undecided] = []
     _yaws(radars, best, errors, doubtful, found, missing)
-    _offsets(radars, errors, doubtful, found, missing)
+    late, unknown = time_offsets(radars, errors, doubtful)
+    found, missing = [*found, *late], [*missing, *unknown]
     scale = _with(errors.scale, SCALE_SYSTEMATIC)
     if scale.sigma > KNOWN_SCALE and abs(scale.value) < CERTAIN * scale.sigma:
         missing.append(Undecided("needs_speed", "wheel scale: not known: drive for 20 s at more than 3 m/s past standing things"))
@@ -40,15 +45,60 @@ def small_errors(
         sentence = f"speed: {-scale.value:+.1%} off what the radars measure (±{scale.sigma:.1%}): wheel radius or scale"
         sure = surely(scale.value, scale.sigma, SCALE_LIMIT)
         found.append(Finding("wheel_scale", sentence, 1 + scale.value, "", sure, "Doppler over the drive", subject="speed"))
-    bias, rests = _bias(radars, errors, speed)
-    if bias.beyond(BIAS_LIMIT):
-        degrees = math.degrees(bias.value)
-        sentence = f"yaw rate: is {degrees:+.2f} °/s off (±{math.degrees(bias.sigma):.2f})"
+    about, unsure = about_bias(*_bias(radars, errors, speed))
+    return [*found, *about], [*missing, *unsure]
+
+
+def about_bias(bias: Estimate, rests: str, sigmas: float = 2.0) -> tuple[list[Finding], list[Undecided]]:
+    """What is said of the yaw rate's bias (rad/s), by what it rests on; `sigmas` that it must be beyond its limit."""
+    told = f"{math.degrees(bias.value):+.2f} °/s off (±{math.degrees(bias.sigma):.2f})"
+    if bias.beyond(BIAS_LIMIT, sigmas):
         sure = surely(bias.value, bias.sigma, BIAS_LIMIT)
-        found.append(Finding("yaw_rate_bias", sentence, degrees, "deg/s", sure, rests, subject="yaw rate"))
-    elif bias.sigma > KNOWN_BIAS:
-        missing.append(Undecided("needs_stop", "yaw-rate bias: not known: stand still for 5 s with the engine on"))
-    return found, missing
+        return [Finding("yaw_rate_bias", f"yaw rate: is {told}", math.degrees(bias.value), "deg/s", sure, rests, subject=YAW_RATE)], []
+    if bias.sigma > KNOWN_BIAS:
+        return [], [Undecided(NEEDS_STOP, "yaw-rate bias: not known: stand still for 5 s with the engine on")]
+    if abs(bias.value) > BIAS_LIMIT:
+        return [], [Undecided(NEEDS_STOP, f"yaw-rate bias: perhaps {told}: stand still for 5 s with the engine on")]
+    return [], []
+
+
+def turned_otherwise(
+    radars: Sequence[RadarTrack],
+    agrees: Sequence[Flags],
+    best: Hypothesis,
+    errors: Errors,
+    speed: Track,
+    yaw_rate: Track,
+    doubtful: set[str],
+    bends: bool,
+) -> tuple[Errors, list[Finding], list[Undecided]] | None:
+    """What is said instead if one factor of the yaw rate explains where the radars seem to sit, of which each alone would be elsewhere.
+
+    A radar's place shows by how it swings in bends, which is the yaw rate times the place. `bends`: whether the car turned enough.
+    """
+    displaced = _displaced(small_errors(radars, best, errors, speed, doubtful)[0])
+    if len(radars) < 2 or (displaced < 2 and not bends):
+        return None
+    free = refine(radars, agrees, speed, yaw_rate, ANY_TURN).turn_scale
+    if not free.beyond(TURN_LIMIT):
+        return None
+    factor = -1.0 if abs(free.value + 2.0) < max(2 * free.sigma, TURN_LIMIT) else 1.0 + free.value
+    otherwise = refine(radars, agrees, speed, replace(yaw_rate, value=yaw_rate.value * factor))
+    found, missing = small_errors(radars, best, otherwise, speed, doubtful)
+    if _displaced(found) > max(displaced - 1, 0):
+        return None
+    rests, sure = "Doppler in bends, by where the radars sit", surely(free.value, free.sigma, TURN_LIMIT)
+    if factor < 0:
+        sentence = "yaw rate: the radars see the car turn the other way"
+        found.insert(0, Finding("yaw_rate_sign", sentence, -1.0, "", sure, rests, subject=YAW_RATE))
+    if factor != -1.0:
+        sentence = f"yaw rate: must be multiplied by {abs(factor):.2f} (±{free.sigma:.2f}) to fit the radars"
+        found.insert(0, Finding("yaw_rate_scale", sentence, abs(factor), "", sure, rests, subject=YAW_RATE))
+    return otherwise, found, missing
+
+
+def _displaced(found: Sequence[Finding]) -> int:
+    return sum(one.code in PLACES for one in found)
 
 
 def _with(estimate: Estimate, systematic: float) -> Estimate:
@@ -58,7 +108,7 @@ def _with(estimate: Estimate, systematic: float) -> Estimate:
 def _bias(radars: Sequence[RadarTrack], errors: Errors, speed: Track) -> tuple[Estimate, str]:
     """As it was read at standstill; else from Doppler, with what errors of the azimuths may pretend."""
     if errors.standing is not None:
-        return errors.standing, "the yaw rate while the wheels stood"
+        return errors.standing, STANDING
     places = np.array([radar.mount.base_from_sensor.x for radar in radars])
     lever = max(float(np.ptp(places)), float(np.abs(places).max()) / 2, 0.5)
     usual = float(np.median(np.abs(speed.value)))
@@ -75,7 +125,7 @@ def _yaws(
         _place(entry, radar.mount.base_from_sensor, own, found)
         estimate = _with(own.yaw, YAW_SYSTEMATIC)
         off = Estimate(math.remainder(own.yaw.value + one.yaw, 2 * math.pi), estimate.sigma)
-        if off.sigma > KNOWN_YAW:
+        if off.sigma > KNOWN_YAW and abs(off.value) < CERTAIN * off.sigma:
             missing.append(
                 Undecided("needs_speed", f"radar {radar.name}: mount yaw not known: drive for 20 s at more than 3 m/s past standing things")
             )
@@ -96,41 +146,3 @@ def _place(name: str, place: SE2, own: RadarErrors, found: list[Finding]) -> Non
             sentence = f"radar {name}: sits at {axis} = {true:.1f} m, {off.value:+.1f} m off the configured place (±{estimate.sigma:.1f} m)"
             sure = surely(estimate.value, estimate.sigma, PLACE_LIMIT)
             found.append(Finding(f"mount_{axis}", sentence, true, "m", sure, "Doppler in bends", (name,)))
-
-
-def _offsets(radars: Sequence[RadarTrack], errors: Errors, doubtful: set[str], found: list[Finding], missing: list[Undecided]) -> None:
-    """Of radars that differ from the others, and of those that agree."""
-    own = {
-        radar.name: _with(one.offset, OFFSET_SYSTEMATIC)
-        for radar, one in zip(radars, errors.radars, strict=True)
-        if radar.name not in doubtful
-    }
-    known = {name: one for name, one in own.items() if one.sigma < KNOWN_OFFSET}
-    if len(known) < len(own):
-        missing.append(Undecided("needs_acceleration", "time offsets: not all known: accelerate and brake a few times, and drive bends"))
-    if not known:
-        return
-    apart = [name for name, one in known.items() if len(known) > 1 and _from_others(name, one, known).beyond(OFFSET_LIMIT)]
-    for name in apart:
-        one = known.pop(name)
-        late = "late" if one.value < 0 else "early"
-        sentence = f"radar {name}: its scans come {abs(one.value) * 1e3:.0f} ms {late} (±{one.sigma * 1e3:.0f} ms), unlike the others"
-        sure = surely(one.value, one.sigma, OFFSET_LIMIT)
-        found.append(Finding("time_offset", sentence, -one.value * 1e3, "ms", sure, CHANGES, (name,)))
-    if not known:
-        return
-    weights = np.array([one.sigma**-2 for one in known.values()])
-    values = np.array([one.value for one in known.values()])
-    mean = Estimate(float((values * weights).sum() / weights.sum()), math.hypot(float(weights.sum() ** -0.5), OFFSET_SYSTEMATIC))
-    if mean.beyond(OFFSET_LIMIT):
-        later = "ego motion comes" if mean.value > 0 else f"the scans of {', '.join(known)} come"
-        sentence = f"{later} {abs(mean.value) * 1e3:.0f} ms late (±{mean.sigma * 1e3:.0f} ms)"
-        names, subject = ((), "motion") if mean.value > 0 else (tuple(known), "")
-        sure = surely(mean.value, mean.sigma, OFFSET_LIMIT)
-        found.append(Finding("time_offset", sentence, abs(mean.value) * 1e3, "ms", sure, CHANGES, names, subject))
-
-
-def _from_others(name: str, one: Estimate, known: Mapping[str, Estimate]) -> Estimate:
-    """A radar's offset less that of most others: one cause that all share explains more than one for each."""
-    others = float(np.median([other.value for key, other in known.items() if key != name]))
-    return Estimate(one.value - others, one.sigma)

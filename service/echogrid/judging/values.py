@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -21,8 +22,9 @@ DENSE = 12.0  # detections in a scan from which on a low support means something
 RANGE_FACTORS = (1.0, 100.0, 0.01, 10.0, 0.1, 2.0, 0.5, 1.25, 0.8, 1.6, 0.625)
 AHEAD = 0.15  # s between two scans whose ranges are compared
 NEAR_AZIMUTH, NEAR_RATE, GONE, FIT = 0.1, 0.3, 0.4, 0.15  # rad, m/s, m that it moved at least, m
-ASIDE = (-0.9, -0.6, 0.6, 0.9)  # m: where chance alone brings pairs
+ASIDE = 0.5  # m: there, and twice as far, chance alone brings pairs
 CLEAR = 8.0  # sigmas of chance from which on a factor is believed
+STANDS, STANDS_SHARE, FASTER = 0.25, 0.01, 5.0  # m/s, and of the speed: by how much what stands may be off; m/s from which on it counts
 PAIRS = 2000  # that must be there to say that none fits
 
 
@@ -75,6 +77,16 @@ def range_factor(radar: RadarTrack) -> tuple[float, float, float]:
     return (RANGE_FACTORS[best] if clear else 1.0), scores[best], scores[0]
 
 
+def ranges_say(radar: RadarTrack, ratio: float) -> int:
+    """Whether ranges change from scan to scan as the range rates say: 1; or as 1 / `ratio` of them: -1; 0 where neither is clear."""
+    if ratio == 1.0:
+        return 0
+    as_given, otherwise = (_score(*_pairs(one)[::-1]) for one in (radar, replace(radar, range_rate=radar.range_rate / ratio)))
+    if max(as_given, otherwise) < CLEAR or max(as_given, otherwise) < 2 * min(as_given, otherwise):
+        return 0
+    return 1 if as_given > otherwise else -1
+
+
 def ranges_leap(radar: RadarTrack) -> bool:
     """Whether the ranges change without any regard to the range rates, though there is much to compare."""
     gone, change = _pairs(radar)
@@ -86,9 +98,11 @@ def ranges_leap(radar: RadarTrack) -> bool:
 def _score(change: Floats, gone: Floats) -> float:
     if len(gone) < 20:
         return 0.0
-    hit = float(np.count_nonzero(np.abs(change - gone) < FIT))
-    chance = float(np.mean([np.count_nonzero(np.abs(change - gone - aside) < FIT) for aside in ASIDE]))
-    return (hit - chance) / float(np.sqrt(chance + 1))
+    off = change - gone
+    hit, near, far = (float(np.count_nonzero(np.abs(np.abs(off) - aside) < FIT)) for aside in (0.0, ASIDE, 2 * ASIDE))
+    near, far = near / 2, far / 2
+    chance = max((4 * near - far) / 3, 0.0)  # where the density has a slope and bends, as that of the nearest detections does
+    return (hit - chance) / math.sqrt(max(near, far) * 2 + 1)
 
 
 def _pairs(radar: RadarTrack) -> tuple[Floats, Floats]:
@@ -138,3 +152,21 @@ def _support(radar: RadarTrack) -> float:
     """Mean share of a scan's detections that fit one velocity, with wide-spread azimuths; 0 for scans that tell none."""
     seen = sensor_velocity(radar)
     return float(seen.support.sum()) / len(radar)
+
+
+def stands_out(radar: RadarTrack, speed: Track, yaw_rate: Track) -> bool:
+    """Whether some of the little that a radar sees surely stands, by its mount and ego motion, however much of it moves.
+
+    More range rates are where standing things have them than beside that, where slow movers would be. Where it sees much, most stands.
+    """
+    if len(radar.range) >= DENSE * len(radar):
+        return False
+    place, scan = radar.mount.base_from_sensor, radar.scan
+    v, w = speed.at(radar.time)[scan], yaw_rate.at(radar.time)[scan]
+    bearing = radar.azimuth + place.yaw
+    left = radar.range_rate + (v - w * place.y) * np.cos(bearing) + w * place.x * np.sin(bearing)
+    width = STANDS + STANDS_SHARE * np.abs(v)
+    moving = np.abs(v) > FASTER
+    hits = [int(np.count_nonzero(moving & (np.abs(left - aside * width) < width))) for aside in (0, -6, -4, 4, 6)]
+    chance = float(np.mean(hits[1:]))
+    return hits[0] > 2 * chance and (hits[0] - chance) / math.sqrt(chance + 1) > CLEAR

@@ -27,6 +27,7 @@ GROSS = 9.0  # squared sigmas: more is a gross error, and counts as much
 REPEATED = 8.0  # scans that are worth one, since neighbours repeat each other
 PRICE = 12.0  # of one mistake, in squared sigmas
 TURNED, ALONE, TWICE, MANY = 1.2, 1.6, 1.4, 3.0  # prices of a turned mount, a sign that one of equal radars has alone, two swaps, more
+CONTRADICTED = 3.0  # price of a scale of one radar's range rates against which its ranges speak
 LEAST_RATIO = 1.12  # a scale nearer to 1 is nothing to be weighed here
 UNIT_RATIOS = (3.6, 1 / 3.6, 100.0, 0.01)  # of units of speed
 NEAR = 0.04  # share by which a ratio may be off that of a unit, and is taken for it
@@ -77,11 +78,15 @@ class Weighed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sample:
-    """A radar's scans that are weighed: its velocity (S,) m/s, x along boresight, and the car's speed and yaw rate at that time."""
+    """A radar's scans that are weighed: its velocity (S,) m/s, x along boresight, and the car's speed and yaw rate at that time.
+
+    `by_ranges`: whether its ranges change as its range rates say (1), as those by `ratio` of them say (-1), or neither surely (0).
+    """
 
     velocity: Complex
     speed: Floats
     yaw_rate: Floats
+    by_ranges: int = 0
 
     def __len__(self) -> int:
         return len(self.velocity)
@@ -130,6 +135,8 @@ def weigh(samples: Sequence[Sample], mounts: Sequence[Mount], profiles: Sequence
             continue
         shared = float(speed_factor < 0) + (abs(speed_factor) != 1) + (yaw_factor < 0) + (abs(yaw_factor) != 1)
         shared += sum(any(scales[n] != 1.0 for n in group) for group in groups)
+        against = -1 if not scaled else 1
+        shared += CONTRADICTED * sum(one.by_ranges == against for one, ratio in zip(samples, ratios, strict=True) if ratio != 1.0)
         for mounted in (AS_GIVEN, CLOCKWISE, IN_RADIANS, MIRRORED):
             places = [placed(mount, mounted) for mount in mounts]
             costs = [_costs(one, places, scale, speed_factor, yaw_factor) for one, scale in zip(samples, scales, strict=True)]
@@ -188,7 +195,7 @@ def _costs(one: Sample, mounts: Sequence[Mount], scale: float, speed_factor: flo
     wanted = np.stack([predicted(mount, mount.base_from_sensor.yaw, speed, yaw_rate) for mount in mounts])  # (M, S)
     signed = [[mended(one, Turned(0, a, g, scale)) for g in SIGNS] for a in SIGNS]
     measured = np.array(signed)[:, :, None]  # (2, 2, 1, S)
-    variance = (SIGMA + SIGMA_SHARE * np.abs(one.velocity) * scale) ** 2
+    variance = (SIGMA * min(scale, 1.0) + SIGMA_SHARE * np.abs(one.velocity) * scale) ** 2  # smaller values scatter less
     agreeing = measured * wanted.conj()
     phase = np.angle((agreeing / (np.abs(agreeing) + 1e-9)).sum(axis=-1))  # of the radar's, less the mount's
     for _ in range(2):

@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from echogrid.core.map.tiled_map import FREE, OCCUPIED
-from echogrid.judging.page import STYLE
-from echogrid.judging.plot import Curve, plot
+from echogrid.judging.pages.page import STYLE
+from echogrid.judging.pages.plot import Curve, plot
 from echogrid_training.own.half import STRETCH, Answers
 from echogrid_training.own.measure import ANALYTIC, OURS, DriveWorth
 from echogrid_training.own.worth import Live, Share, by_age, by_radar, by_range, diagram, live, points

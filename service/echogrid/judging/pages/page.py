@@ -11,7 +11,7 @@ from echogrid.core.messages import Floats
 from echogrid.core.motion.se2 import SE2, arc
 from echogrid.judging.finding import Finding
 from echogrid.judging.judge import Judgement
-from echogrid.judging.plot import Curve, bars, plot
+from echogrid.judging.pages.plot import Curve, bars, plot
 from echogrid.judging.recorded import RadarTrack, Recorded
 from echogrid.judging.sectors import by_sector
 from echogrid.judging.sensor_velocity import SensorVelocity

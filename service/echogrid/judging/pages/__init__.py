@@ -1,0 +1,1 @@
+"""A check as a page: plots in SVG, and what was found."""
