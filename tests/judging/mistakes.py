@@ -323,6 +323,12 @@ PLANTED = (
         profile={("yaw_rate", "yaw_rate", "unit"): "rad/s"},
     ),
     Mistake(
+        "yaw rate's scale in the DBC",
+        lambda p: p.motion_dbc(r"(SG_ YawRate : .*?)\((\S+?),", r"\1(0.0003,"),
+        "yaw_rate_scale",
+        says=True,
+    ),
+    Mistake(
         "yaw rate 0.4 °/s off",
         lambda p: p.motion_profile(r'(yaw_rate = \{.*?unit = "rad/s")', rf"\1, offset = {math.radians(0.4):.6f}"),
         "yaw_rate_bias",

@@ -16,8 +16,18 @@ from echogrid.judging.refining import Errors, refine
 from echogrid.judging.sectors import MUCH, blind, dead_sector, lost_scans, outside
 from echogrid.judging.sensor_velocity import SensorVelocity, sensor_velocity
 from echogrid.judging.small_errors import PLACES, small_errors, turned_otherwise
-from echogrid.judging.values import LEAPS, azimuth_factor, range_factor, ranges_leap, ranges_say, speed_leaps, stands_out, yaw_rate_leaps
-from echogrid.judging.weighing import Hypothesis, Weighed, placed, sample, weigh
+from echogrid.judging.values import (
+    LEAPS,
+    azimuth_factor,
+    range_factor,
+    range_unit,
+    ranges_leap,
+    ranges_say,
+    speed_leaps,
+    stands_out,
+    yaw_rate_leaps,
+)
+from echogrid.judging.weighing import NO_MISTAKE, Hypothesis, Sample, Weighed, placed, sample, told_ratio, unexplained, weigh
 
 LOST = 0.05  # share of the scans, or of motion's frames
 WRONG = 0.5  # share of the scans whose checksum fails, from which on it is the checksum that is wrong
@@ -141,6 +151,11 @@ def _ranges(radars: Sequence[RadarTrack], profiles: Mapping[str, str]) -> list[F
     told = {radar.name: range_factor(radar) for radar in radars}
     for radar in radars:
         factor, score, before = told[radar.name]
+        if factor == 1.0 and (unit := range_unit(radar)) != 1.0:
+            middle = float(np.median(radar.range))
+            sentence = f"radar {radar.name}: ranges must be multiplied by {unit:g}: half of them are below {middle:.3g} m"
+            found.append(Finding("range_unit", sentence, unit, "", 0.95, "ranges", (radar.name,)))
+            continue
         equal = [told[other.name][0] for other in radars if profiles[other.name] == profiles[radar.name]]
         factor = factor if equal.count(factor) > len(equal) / 2 else 1.0
         rests = f"ranges against range rates from scan to scan: {score:.0f} sigmas, {before:.0f} as they are"
@@ -169,31 +184,29 @@ def _by_doppler(
 ) -> Doppler:
     """Weighs the hypotheses, mends the drive by the best, and refines what is left. `measured`: whose values are measurements at all."""
     samples = {n: sample(velocities[n], recorded.speed, recorded.yaw_rate) for n in measured}
-    samples = {n: replace(one, by_ranges=ranges_say(radars[n], one.ratio)) for n, one in samples.items()}
+    samples = {n: replace(one, by_ranges=ranges_say(radars[n], told_ratio(one.ratio))) for n, one in samples.items()}
     told = [n for n, one in samples.items() if one.worth >= LEAST_WORTH]
     undecided = [
         Undecided("needs_speed", f"radar {radars[n].name}: not judged by Doppler: drive for 20 s at more than 3 m/s past standing things")
         for n in samples
         if n not in told
     ]
+    for n in [n for n in told if _among_movers(radars[n], samples[n], recorded)]:
+        told.remove(n)
+        sentence = f"radar {radars[n].name}: most of what it sees moves: drive for 20 s at more than 3 m/s past standing things"
+        undecided.append(Undecided("needs_speed", sentence))
     if not told:
         return Doppler(undecided=tuple(undecided))
     chosen = [radars[n] for n in told]
     weighed = weigh([samples[n] for n in told], [one.mount for one in chosen], [profiles[one.name] for one in chosen])
-    believed = np.mean(weighed.unexplained) < UNEXPLAINED
-    found = findings_of(weighed, chosen) if believed else []
-    mended, speed, yaw_rate = _mend(chosen, recorded, weighed.best)
-    doubtful = {radar.name for radar, left in zip(chosen, weighed.unexplained, strict=True) if left > UNEXPLAINED}
-    for n, radar in enumerate(chosen):
-        if radar.name not in doubtful:
-            continue
-        if stands_out(mended[n], speed, yaw_rate) if believed else stands_out(radar, recorded.speed, recorded.yaw_rate):
-            sentence = f"radar {radar.name}: most of what it sees moves: drive for 20 s at more than 3 m/s past standing things"
-            undecided.append(Undecided("needs_speed", sentence))
-        else:
-            left = weighed.unexplained[n]
+    found = findings_of(weighed, chosen) if np.mean(weighed.unexplained) < UNEXPLAINED else []
+    doubtful = set()
+    for radar, left in zip(chosen, weighed.unexplained, strict=True):
+        if left > UNEXPLAINED:
+            doubtful.add(radar.name)
             sentence = f"radar {radar.name}: {left:.0%} of its scans fit neither ego motion nor any mistake that is known"
             found.append(Finding("unexplained", sentence, left, "of its scans", 0.8, "Doppler over the drive", (radar.name,)))
+    mended, speed, yaw_rate = _mend(chosen, recorded, weighed.best)
     if len(doubtful) == len(chosen):
         return Doppler(weighed, None, tuple(mended), tuple(found), tuple(undecided))
     agrees = [velocities[n].agrees & (radars[n].name not in doubtful) for n in told]
@@ -208,6 +221,12 @@ def _by_doppler(
         missing.append(Undecided("needs_turn", sentence))
         small = [one for one in small if one.code not in PLACES]
     return Doppler(weighed, errors, tuple(mended), tuple(found + small), (*undecided, *missing))
+
+
+def _among_movers(radar: RadarTrack, scans: Sample, recorded: Recorded) -> bool:
+    """Whether the car and the mount are right, but most of the little that the radar sees is traffic, which would seem to be a mistake."""
+    left = unexplained(scans, NO_MISTAKE, NO_MISTAKE.radars[0], [radar.mount])
+    return left > UNEXPLAINED and stands_out(radar, recorded.speed, recorded.yaw_rate)
 
 
 def _way(speed: Track) -> float:

@@ -120,7 +120,7 @@ class Listener:
     def _with_bias(self, judgement: Judgement, recorded: Recorded) -> Judgement:
         """With what is said of the yaw rate's bias where Doppler does not say it better, and nothing gross is wrong."""
         told = judgement.errors is not None and judgement.errors.standing is not None
-        if told or judgement.weighed is None or {one.code for one in judgement.findings} - SMALL:
+        if told or not len(recorded.speed) or not len(recorded.yaw_rate) or {one.code for one in judgement.findings} - SMALL:
             return judgement
         standing = standing_bias(recorded.speed, recorded.yaw_rate)
         if standing is not None:

@@ -14,7 +14,7 @@ from echogrid.judging.recorded import RadarTrack
 from echogrid.judging.refining import Errors, Estimate
 
 LIMIT, SYSTEMATIC = 0.03, 0.01  # s: from where on it is worth a word, and what sound sensors showed beyond the noise
-KNOWN = 0.02  # s, one sigma: a larger one says nothing
+KNOWN, CERTAIN = 0.02, 5.0  # s, one sigma: a larger one says nothing of what is not beyond so many of it
 ODD = 9.0  # squared sigmas that a radar with an offset of its own must explain
 PLAIN = 4.0  # squared sigmas by which the best choice of such radars must be better than another one
 RESTS = "changes of Doppler over the drive"
@@ -26,7 +26,7 @@ def time_offsets(radars: Sequence[RadarTrack], errors: Errors, doubtful: set[str
     rows = [n for n, radar in enumerate(radars) if radar.name not in doubtful]
     values = np.array([errors.radars[n].offset.value for n in rows])
     covariance = errors.offsets[np.ix_(rows, rows)] + SYSTEMATIC**2 * np.eye(len(rows))
-    known = [k for k in range(len(rows)) if covariance[k, k] < KNOWN**2]
+    known = [k for k in range(len(rows)) if covariance[k, k] < max(KNOWN, abs(values[k]) / CERTAIN) ** 2]
     missing = []
     if len(known) < len(rows):
         missing.append(Undecided(MISSING, "time offsets: not all known: accelerate and brake a few times, and drive bends"))
@@ -37,10 +37,12 @@ def time_offsets(radars: Sequence[RadarTrack], errors: Errors, doubtful: set[str
     odd = _odd(values, covariance)
     if odd is None:
         sentence = f"time offsets: those of {', '.join(names)} differ, and whose is wrong is not known: accelerate and brake, drive bends"
-        return [], [*missing, Undecided(MISSING, sentence)]
+        missing.append(Undecided(MISSING, sentence))
+        covariance, odd = covariance + np.var(values) * np.ones_like(covariance), ()
     alike = [k for k in range(len(known)) if k not in odd]
     common, weights = _mean(values[alike], covariance[np.ix_(alike, alike)])
-    shared = common.beyond(LIMIT)
+    whole = Estimate(common.value, math.hypot(common.sigma, SYSTEMATIC))  # what is alike in all does not show between them
+    shared = whole.beyond(LIMIT)
     found = []
     for k in odd:
         among = covariance[k, alike] @ weights
@@ -54,9 +56,9 @@ def time_offsets(radars: Sequence[RadarTrack], errors: Errors, doubtful: set[str
     if shared:
         rest = [names[k] for k in alike]
         later = "ego motion comes" if common.value > 0 else f"the scans of {', '.join(rest)} come"
-        sentence = f"{later} {abs(common.value) * 1e3:.0f} ms late (±{common.sigma * 1e3:.0f} ms)"
+        sentence = f"{later} {abs(whole.value) * 1e3:.0f} ms late (±{whole.sigma * 1e3:.0f} ms)"
         who, subject = ((), "motion") if common.value > 0 else (tuple(rest), "")
-        sure = surely(common.value, common.sigma, LIMIT)
+        sure = surely(whole.value, whole.sigma, LIMIT)
         found.append(Finding("time_offset", sentence, abs(common.value) * 1e3, "ms", sure, RESTS, who, subject))
     return found, missing
 
@@ -74,13 +76,13 @@ def _odd(values: Floats, covariance: Floats) -> tuple[int, ...] | None:
             part = covariance[np.ix_(alike, alike)]
             left = values[alike] - _mean(values[alike], part)[0].value
             tried.append((float(left @ np.linalg.solve(part, left)) + ODD * count, odd))
-    tried.sort()
-    return None if len(tried) > 1 and tried[0][1] and tried[1][0] - tried[0][0] < PLAIN else tried[0][1]
+    cost, best = min(tried)
+    others = [one for one, odd in tried if not set(best) <= set(odd)]
+    return None if others and min(others) - cost < PLAIN else best
 
 
 def _mean(values: Floats, covariance: Floats) -> tuple[Estimate, Floats]:
     """The common value of (K,), and the weights (K,) that make it."""
     weights = np.linalg.solve(covariance, np.ones(len(values)))
     weights = weights / weights.sum()
-    systematic = SYSTEMATIC**2 * (1.0 - float(weights @ weights))  # which is alike in all
-    return Estimate(float(weights @ values), math.sqrt(float(weights @ covariance @ weights) + systematic)), weights
+    return Estimate(float(weights @ values), math.sqrt(float(weights @ covariance @ weights))), weights

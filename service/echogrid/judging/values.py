@@ -25,6 +25,7 @@ NEAR_AZIMUTH, NEAR_RATE, GONE, FIT = 0.1, 0.3, 0.4, 0.15  # rad, m/s, m that it 
 ASIDE = 0.5  # m: there, and twice as far, chance alone brings pairs
 CLEAR = 8.0  # sigmas of chance from which on a factor is believed
 STANDS, STANDS_SHARE, FASTER = 0.25, 0.01, 5.0  # m/s, and of the speed: by how much what stands may be off; m/s from which on it counts
+NEAREST, FARTHEST = 0.5, 200.0  # m, between which the middle of all ranges must lie
 PAIRS = 2000  # that must be there to say that none fits
 
 
@@ -75,6 +76,14 @@ def range_factor(radar: RadarTrack) -> tuple[float, float, float]:
     best = int(np.argmax(scores))
     clear = scores[best] > CLEAR and scores[best] > 2 * max(scores[0], 1.0)
     return (RANGE_FACTORS[best] if clear else 1.0), scores[best], scores[0]
+
+
+def range_unit(radar: RadarTrack) -> float:
+    """By what ranges must be multiplied for half of them not to lie in the car or beyond the sight of any radar; 1 if they do not."""
+    if len(radar.range) < PAIRS:
+        return 1.0
+    middle = float(np.median(radar.range))
+    return next((factor for factor in (1.0, 100.0, 0.01) if NEAREST < middle * factor < FARTHEST), 1.0)
 
 
 def ranges_say(radar: RadarTrack, ratio: float) -> int:

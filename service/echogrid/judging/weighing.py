@@ -60,6 +60,9 @@ class Hypothesis:
     mounted: str = AS_GIVEN
 
 
+NO_MISTAKE = Hypothesis((Turned(0),))  # of one radar
+
+
 @dataclass(frozen=True, slots=True)
 class Weighed:
     """The best hypothesis, its cost, that of the best other one, that of no mistake at all, and each radar's unexplained share, 0 … 1."""
@@ -98,16 +101,20 @@ class Sample:
 
     @property
     def ratio(self) -> float:
-        """How many times as fast as the wheels say the radar measures the car to be; 1 where that cannot be said, or is near to it."""
+        """How many times as fast as the wheels say the radar measures the car to be; 1 where that cannot be said."""
         turns = np.abs(self.yaw_rate) > 0.1 * np.abs(self.speed)
         straight = (np.abs(self.speed) > 0.05) & ~turns
         if np.count_nonzero(straight) < 10:
             straight = np.abs(self.speed) > 0.05
         if np.count_nonzero(straight) < 10:
             return 1.0
-        found = float(np.median(np.abs(self.velocity[straight]) / np.abs(self.speed[straight])))
-        unit = next((ratio for ratio in UNIT_RATIOS if abs(found / ratio - 1) < NEAR), found)
-        return unit if max(unit, 1 / unit) > LEAST_RATIO else 1.0
+        return float(np.median(np.abs(self.velocity[straight]) / np.abs(self.speed[straight])))
+
+
+def told_ratio(found: float) -> float:
+    """A unit's ratio that is near; 1 where the ratio is near to that."""
+    unit = next((ratio for ratio in UNIT_RATIOS if abs(found / ratio - 1) < NEAR), found)
+    return unit if max(unit, 1 / unit) > LEAST_RATIO else 1.0
 
 
 def sample(seen: SensorVelocity, speed: Track, yaw_rate: Track) -> Sample:
@@ -122,10 +129,13 @@ def sample(seen: SensorVelocity, speed: Track, yaw_rate: Track) -> Sample:
 def weigh(samples: Sequence[Sample], mounts: Sequence[Mount], profiles: Sequence[str]) -> Weighed:
     """All hypotheses over all radars, at least one; radars with an equal entry of `profiles` share its signs and units."""
     count = len(samples)
-    ratios = [one.ratio for one in samples]
-    common = float(np.median([ratio for ratio, one in zip(ratios, samples, strict=True) if len(one)] or [1.0]))
-    if not all(abs(math.log(ratio / common)) < math.log(LEAST_RATIO) for ratio, one in zip(ratios, samples, strict=True) if len(one)):
-        common = 1.0  # the wheels are not what is wrong
+    measured = [one.ratio for one in samples]
+    middle = float(np.median([ratio for ratio, one in zip(measured, samples, strict=True) if len(one)] or [1.0]))
+    if all(abs(math.log(ratio / middle)) < math.log(LEAST_RATIO) for ratio, one in zip(measured, samples, strict=True) if len(one)):
+        common = told_ratio(middle)
+        ratios = [common] * count
+    else:
+        common, ratios = 1.0, [told_ratio(ratio) for ratio in measured]  # the wheels are not what is wrong
     groups = [[n for n in range(count) if profiles[n] == profile] for profile in dict.fromkeys(profiles)]
     tried: list[tuple[float, Hypothesis]] = []
     as_configured = math.inf
@@ -147,8 +157,8 @@ def weigh(samples: Sequence[Sample], mounts: Sequence[Mount], profiles: Sequence
                 tried.append((total + PRICE * (price + shared), Hypothesis(turned, speed_factor, yaw_factor, mounted)))
     tried.sort(key=lambda one: one[0])
     cost, best = tried[0]
-    unexplained = tuple(_unexplained(samples[n], best, best.radars[n], mounts) for n in range(count))
-    return Weighed(best, cost, tried[1][0], as_configured, unexplained)
+    left = tuple(unexplained(samples[n], best, best.radars[n], mounts) for n in range(count))
+    return Weighed(best, cost, tried[1][0], as_configured, left)
 
 
 def predicted(mount: Mount, yaw: float, speed: Floats, yaw_rate: Floats) -> Complex:
@@ -241,7 +251,8 @@ def _cheapest(
     return total, tuple(chosen[n] for n in range(len(order)))
 
 
-def _unexplained(one: Sample, best: Hypothesis, turned: Turned, mounts: Sequence[Mount]) -> float:
+def unexplained(one: Sample, best: Hypothesis, turned: Turned, mounts: Sequence[Mount]) -> float:
+    """Share of a radar's scans that a hypothesis leaves."""
     if not len(one):
         return 0.0
     mount = placed(mounts[turned.mount], best.mounted)
