@@ -154,7 +154,7 @@ class Listener:
         found = []
         for owner in self.owners:
             share = self.short[owner.name] / max(self.owned[owner.name], 1)
-            if share > SHORT:
+            if share > SHORT and owner.name not in moved:
                 sentence = f"{owner.name}: {share:.0%} of its frames are shorter than the DBC says: another version"
                 radars, subject = ((owner.name,), "") if owner.radar else ((), owner.name)
                 found.append(Finding("wrong_length", sentence, share, "of its frames", 0.99, "lengths", radars, subject))
@@ -202,8 +202,8 @@ def _owners(config: Config, reader: SignalReader) -> tuple[list[Owner], dict[tup
         elif isinstance(one, PoseReader):
             owners.append(Owner(POSE, str(config.pose and config.pose.bus), tuple(sorted(one.ids)), False))
         else:
-            bus = next(radar.bus for radar in config.radar if radar.name == one.sensor)
-            owners.append(Owner(one.sensor, bus, needed(one)))
+            radar = next(radar for radar in config.radar if radar.name == one.sensor)
+            owners.append(Owner(one.sensor, radar.bus, needed(one), more=tuple(one.roles), offset=radar.id_offset))
     return owners, lengths
 
 

@@ -15,12 +15,17 @@ FEW = 3  # frames: fewer are strays
 
 @dataclass(frozen=True, slots=True)
 class Owner:
-    """Who reads frames: a radar; "speed", "yaw rate" or "pose" (`radar` False). `ids`: those that must be there."""
+    """Who reads frames: a radar; "speed", "yaw rate" or "pose" (`radar` False). `ids`: those that must be there; `more`: those that may.
+
+    `offset`: its id_offset.
+    """
 
     name: str
     bus: str
     ids: tuple[FrameId, ...]
     radar: bool = True
+    more: tuple[FrameId, ...] = ()
+    offset: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,10 +41,11 @@ def judge_traffic(owners: Sequence[Owner], heard: Heard, channels: Mapping[str, 
     on_bus = {channel: bus for bus, names in channels.items() for channel in names}
     here = {(on_bus.get(channel), frame_id) for (channel, frame_id), count in heard.items() if count >= FEW}
     silent = [owner for owner in owners if not any((owner.bus, frame_id) in here for frame_id in owner.ids)]
+    partly = [owner for owner in owners if owner not in silent and not all((owner.bus, frame_id) in here for frame_id in owner.ids)]
     claimed = {
         (on_bus_channel, frame_id)
         for owner in owners
-        if owner not in silent
+        if owner not in silent and owner not in partly
         for on_bus_channel in channels.get(owner.bus, ())
         for frame_id in owner.ids
     }
@@ -61,11 +67,16 @@ def judge_traffic(owners: Sequence[Owner], heard: Heard, channels: Mapping[str, 
             silent = [owner for owner in silent if owner not in theirs or moved.get(owner.name) != Moved(channel)]
     for owner in silent:
         found.append(_about(owner, moved.get(owner.name), on_bus))
+    for owner in partly:  # some of its ids are another's, or its own others
+        place = _elsewhere(owner, heard, claimed)
+        if place is not None and place.shift and on_bus.get(place.channel) == owner.bus:
+            moved[owner.name] = place
+            found.append(_about(owner, place, on_bus))
     return found, moved
 
 
 def _elsewhere(owner: Owner, heard: Heard, claimed: set[tuple[str, FrameId]]) -> Moved | None:
-    """A channel that has all its ids, or has them all moved by the same number; the nearest such."""
+    """A channel that has all its ids, or has them all moved by the same number: with most of `more`, as often, to a round offset, near."""
     free = {key for key, count in heard.items() if count >= FEW and key not in claimed}
     names = sorted({channel for channel, _ in free})
     for channel in names:
@@ -78,8 +89,12 @@ def _elsewhere(owner: Owner, heard: Heard, claimed: set[tuple[str, FrameId]]) ->
     for channel, (number, kind) in free:
         shift = number - first
         if kind == extended and abs(shift) <= FAR and all((channel, (one + shift, kind_)) in free for one, kind_ in owner.ids):
-            options.append((abs(shift), shift, channel))
-    return Moved(min(options)[2], min(options)[1]) if options else None
+            counts = [heard.get((channel, (one + shift, kind_)), 0) for one, kind_ in (*owner.ids, *owner.more)]
+            there = [count for count in counts if count >= FEW]
+            even = round(10 * min(there) / max(there))  # what one sender sends in each cycle comes as often
+            round_ = (owner.offset + shift) & -(owner.offset + shift) or FAR  # its lowest bit: offsets are round numbers
+            options.append((-len(there), -even, -round_, abs(shift), shift, channel))
+    return Moved(min(options)[5], min(options)[4]) if options else None
 
 
 def _about(owner: Owner, place: Moved | None, on_bus: Mapping[str, str]) -> Finding:
