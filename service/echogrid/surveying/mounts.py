@@ -17,7 +17,7 @@ import numpy as np
 from echogrid.config.tables import Body
 from echogrid.judging.recorded import RadarTrack, Track
 from echogrid.judging.sensor_velocity import sensor_velocity
-from echogrid.judging.weighing import MOVING, REPEATED
+from echogrid.judging.weighing import MOVING, REPEATED, SIGMA, SIGMA_SHARE
 
 LEAST = 48  # scans that must tell
 ROUNDS, CUT, FLOOR = 8, 3.0, 0.05  # of robust least squares; robust sigmas; m/s
@@ -69,7 +69,7 @@ class Signs:
 
 
 def seen(radar: RadarTrack, speed: Track, yaw_rate: Track) -> Seen | None:
-    """Robust least squares over the scans in which the radar moves; None where they are too few."""
+    """Robust least squares over the scans in which the radar moves; None where they are too few, or move otherwise than the car."""
     told = sensor_velocity(radar)
     moving = np.abs(told.velocity) > MOVING
     time, own = told.time[moving], told.velocity[moving]
@@ -85,6 +85,8 @@ def seen(radar: RadarTrack, speed: Track, yaw_rate: Track) -> Seen | None:
         left = np.abs(own - columns @ found)
         spread = max(1.4826 * float(np.median(left)), FLOOR)
         weight = np.where(left < CUT * spread, 1.0, (CUT * spread / np.maximum(left, 1e-9)) ** 2)
+    if float(np.mean(left > CUT * (SIGMA + SIGMA_SHARE * np.abs(own)))) > 0.5:  # traffic, if the signals are the right ones
+        return None
     sigmas = spread * np.sqrt(np.real(np.diag(np.linalg.inv(normal))) * REPEATED)
     yaw, scale = -float(np.angle(found[0])), float(np.abs(found[0]))
     place = complex(found[1] * np.exp(1j * yaw))
