@@ -21,7 +21,6 @@ from echogrid.judging.offsets import LIMIT, time_offsets
 from echogrid.judging.on_the_way import bias_on_the_way
 from echogrid.judging.recorded import RadarTrack, collect
 from echogrid.judging.refining import Errors, Estimate, RadarErrors
-from echogrid.surveying.mounts import seen
 
 MOUNTS = {
     name: Mount(SE2(x, y, math.radians(yaw)), math.radians(75), 25.0)
@@ -154,8 +153,6 @@ def test_traffic_is_not_called_garbled_and_garbled_is_not_called_traffic() -> No
     among = judged(motion, heard(traffic=True), mount)
     assert said(among) == []
     assert [one.code for one in among.undecided if "front" in one.sentence] == ["needs_speed"]
-    recorded = collect(motion, heard(traffic=True), mount)
-    assert seen(recorded.radars[0], recorded.speed, recorded.yaw_rate) is None  # nor is a mount made of it
     assert said(judged(motion, heard(traffic=False), mount)) == [("unexplained", ("front",))]
 
 
