@@ -49,7 +49,7 @@ def past_posts(bend: float, seconds: float = 20.0) -> tuple[tuple[Speed | YawRat
     scans: Scans = []
     for n in range(1, len(time) - 1):
         stamp = round(time[n] * 1e9)
-        motion += [Speed(stamp, float(speed[n])), YawRate(stamp, float(rate[n]))]
+        motion += [Speed(stamp, float(speed[n]), difference=float(1.55 * rate[n])), YawRate(stamp, float(rate[n]))]
         if n % 8:
             continue
         for name, mount in MOUNTS.items():
@@ -123,6 +123,27 @@ def test_a_gentle_bend_the_wrong_way_round_moves_no_mounts() -> None:
     motion, scans = past_posts(0.05)
     codes = {code for code, _ in said(judged(rates(motion, lambda rate: -rate), scans))}
     assert codes <= {"yaw_rate_sign"}
+
+
+def mirrored(one: RadarScan) -> RadarScan:
+    """From the radar on the other side of the car, with azimuths of the other sign: as a car that is its own mirror image has it."""
+    side = one.sensor.split("_")
+    return structs.replace(one, sensor=f"{side[0]}_{'right' if side[1] == 'left' else 'left'}", azimuth=-one.azimuth)
+
+
+def test_a_mirrored_car_is_told_from_a_turned_yaw_rate_by_the_wheels() -> None:
+    """Doppler cannot tell them apart; the outer wheel is the faster one in either bend."""
+    motion, scans = past_posts(0.3)
+    assert {code for code, _ in said(judged(motion, [mirrored(one) for one in scans]))} == {"left_right_swapped", "azimuth_sign"}
+    assert said(judged(rates(motion, lambda rate: -rate), scans)) == [("yaw_rate_sign", ())]
+
+
+def test_wheels_with_each_others_signal() -> None:
+    motion, scans = past_posts(0.3)
+    swapped = [structs.replace(one, difference=-one.difference) if isinstance(one, Speed) else one for one in motion]
+    assert said(judged(swapped, scans)) == [("wheels_swapped", ())]
+    single = [structs.replace(one, difference=0.0) if isinstance(one, Speed) else one for one in motion]
+    assert said(judged(single, scans)) == []
 
 
 def test_a_bias_without_a_stop() -> None:

@@ -151,6 +151,16 @@ def test_two_mistakes_at_once() -> None:
     assert said["mount_yaw"].config["radar", 1, "yaw_deg"] == pytest.approx(-45.0, abs=0.5)
 
 
+def test_rear_wheels_with_each_others_signal_are_mended() -> None:
+    """They differ in the shipped drive, where the other drive's are one."""
+    swapped = shipped(18.0, 24.0).motion_profile(r'rear_left = \{ signal = "WheelSpeedRL"', 'rear_left = { signal = "WheelSpeedRR"')
+    swapped = swapped.motion_profile(r'rear_right = \{ signal = "WheelSpeedRR"', 'rear_right = { signal = "WheelSpeedRL"')
+    ((finding, fix),) = check(swapped)
+    assert finding.code == "wheels_swapped"
+    signals = {("wheel_speeds", f"rear_{side}", "signal"): f"WheelSpeedR{side[0].upper()}" for side in ("left", "right")}
+    assert (fix.config, fix.profiles) == ({}, {"motion": signals})
+
+
 def test_a_pause_of_the_recording_accuses_nobody(tmp_path: Path) -> None:
     """All are silent at once: none is silent or has lost scans for itself, and what is before and after is as far apart as it was."""
     (tmp_path / "echogrid.toml").write_text(world.CONFIG)

@@ -27,6 +27,7 @@ CODES = {
     "speed_unit": "the speed is off by a unit's factor",
     "speed_scale": "the speed is off by a factor of no unit, as of another DBC version",
     "wheel_scale": "the speed is off by a few percent",
+    "wheels_swapped": "the rear wheels have each other's signal",
     "yaw_rate_sign": "the yaw rate has the wrong sign",
     "yaw_rate_unit": "the yaw rate is off by a unit's factor",
     "yaw_rate_scale": "the yaw rate is off by a factor of no unit, as of another DBC version",

@@ -25,6 +25,7 @@ from echogrid.judging.values import (
     ranges_say,
     speed_leaps,
     stands_out,
+    wheels_say,
     yaw_rate_leaps,
 )
 from echogrid.judging.weighing import NO_MISTAKE, Hypothesis, Sample, Weighed, placed, sample, told_ratio, unexplained, weigh
@@ -198,7 +199,8 @@ def _by_doppler(
     if not told:
         return Doppler(undecided=tuple(undecided))
     chosen = [radars[n] for n in told]
-    weighed = weigh([samples[n] for n in told], [one.mount for one in chosen], [profiles[one.name] for one in chosen])
+    wheels = wheels_say(recorded)
+    weighed = weigh([samples[n] for n in told], [one.mount for one in chosen], [profiles[one.name] for one in chosen], wheels)
     found = findings_of(weighed, chosen) if np.mean(weighed.unexplained) < UNEXPLAINED else []
     doubtful = set()
     for radar, left in zip(chosen, weighed.unexplained, strict=True):
@@ -216,6 +218,9 @@ def _by_doppler(
     turned = turned_otherwise(mended, agrees, weighed.best, errors, speed, yaw_rate, doubtful, bends)
     if turned is not None:
         errors, small, missing = turned
+    if bends and turned is None and wheels * weighed.best.speed_factor * weighed.best.yaw_factor < 0:
+        sentence = "wheels: the left one is the faster one in bends to the left: they have each other's signal"
+        small.append(Finding("wheels_swapped", sentence, -1.0, "", 0.95, "the rear wheels' difference in bends", subject="speed"))
     if not bends:
         sentence = "signs of azimuth and yaw rate, and mirrored mounts, are told apart in bends alone: drive some of them, left and right"
         missing.append(Undecided("needs_turn", sentence))

@@ -33,7 +33,15 @@ from echogrid.judging.traffic import FrameId, Moved, Owner, judge_traffic
 
 SHORT = 0.5  # share of an owner's frames that are shorter than the DBC says, from which on it is the DBC
 MOST_INVALID = 0.9  # share of the places, from which on latitude and longitude may be swapped
-SMALL = {"mount_yaw", "time_offset", "wheel_scale", "blocked", "blocked_sector", "field_of_view"}  # findings that disturb nothing else
+SMALL = {
+    "wheels_swapped",
+    "mount_yaw",
+    "time_offset",
+    "wheel_scale",
+    "blocked",
+    "blocked_sector",
+    "field_of_view",
+}  # findings that disturb nothing else
 LIKELY = 1.645  # sigmas: 95 %, of an estimate with all that is known beforehand in it
 ON_THE_WAY = "the rear wheels' difference, and standing things that were seen again, over the drive"
 SILENCE = 0.5  # s without a sample or scan

@@ -145,6 +145,11 @@ class Mender:
             return Fix({("motion", "wheel_radius"): round(motion.wheel_radius * finding.value, 4)})
         return Fix({("motion", "wheel_scale"): round(motion.wheel_scale * finding.value, 4)})
 
+    def _wheels_swapped(self, finding: Finding) -> Fix:
+        wheels = self.motion.wheel_speeds
+        left, right = wheels.rear_left.signal, wheels.rear_right.signal
+        return Fix(profiles={MOTION: {("wheel_speeds", "rear_left", "signal"): right, ("wheel_speeds", "rear_right", "signal"): left}})
+
     def _yaw_rate_unit(self, finding: Finding) -> Fix:
         unit = _unit(self.motion.yaw_rate.yaw_rate, finding.value)
         return Fix(says=SAYS["scale"]) if unit is None else Fix(profiles={MOTION: {("yaw_rate", "yaw_rate", "unit"): unit}})

@@ -76,6 +76,7 @@ class Recorded:
     speed: Track  # m/s
     yaw_rate: Track  # rad/s
     radars: tuple[RadarTrack, ...]
+    difference: Track  # m/s by which the right rear wheel is faster than the left one
 
     @property
     def seconds(self) -> float:
@@ -112,7 +113,8 @@ def collect(motion: Sequence[EgoMotion], scans: Sequence[RadarScan], mounts: dic
     for scan in scans:
         by_radar[scan.sensor].append(scan)
     radars = tuple(_radar(name, mounts[name], found, begin_ns) for name, found in by_radar.items())
-    return Recorded(begin_ns, _track(speeds, begin_ns), _track(rates, begin_ns), radars)
+    apart = [(one.stamp_ns, one.difference) for one in motion if isinstance(one, Speed)]
+    return Recorded(begin_ns, _track(speeds, begin_ns), _track(rates, begin_ns), radars, _track(apart, begin_ns))
 
 
 def _track(samples: list[tuple[int, float]], begin_ns: int) -> Track:

@@ -10,7 +10,7 @@ import numpy as np
 
 from echogrid.core.messages import Floats
 from echogrid.core.trust.motion_watch import ACCELERATION, FASTEST, SPEED_NOISE, TURNING, YAW_ACCELERATION, YAW_NOISE
-from echogrid.judging.recorded import RadarTrack, Track
+from echogrid.judging.recorded import RadarTrack, Recorded, Track
 from echogrid.judging.sensor_velocity import LEAST, sensor_velocity
 
 LEAPS = 0.02  # share of the steps that may be as no car moves
@@ -25,6 +25,7 @@ NEAR_AZIMUTH, NEAR_RATE, GONE, FIT = 0.1, 0.3, 0.4, 0.15  # rad, m/s, m that it 
 ASIDE = 0.5  # m: there, and twice as far, chance alone brings pairs
 CLEAR = 8.0  # sigmas of chance from which on a factor is believed
 STANDS, STANDS_SHARE, FASTER = 0.25, 0.01, 5.0  # m/s, and of the speed: by how much what stands may be off; m/s from which on it counts
+APART = 0.03  # m/s by which the rear wheels must differ in bends, to say which way round they are
 NEAREST, FARTHEST = 0.5, 200.0  # m, between which the middle of all ranges must lie
 PAIRS = 2000  # that must be there to say that none fits
 
@@ -161,6 +162,18 @@ def _support(radar: RadarTrack) -> float:
     """Mean share of a scan's detections that fit one velocity, with wide-spread azimuths; 0 for scans that tell none."""
     seen = sensor_velocity(radar)
     return float(seen.support.sum()) / len(radar)
+
+
+def wheels_say(recorded: Recorded) -> int:
+    """Whether the right rear wheel is the faster one where the yaw rate says that the car turns left: 1, the slower one: -1, or neither: 0."""
+    apart, rate = recorded.difference, recorded.yaw_rate
+    if len(apart) < 100 or len(rate) < 2:
+        return 0
+    turning = rate.at(apart.time)
+    columns = np.stack((turning - turning.mean(), recorded.speed.value, np.ones(len(apart))), axis=1)  # uneven wheels differ by the speed
+    found = np.linalg.lstsq(columns, apart.value)[0]
+    told, left = float(found[0] * turning.std()), float(np.std(apart.value - columns @ found))
+    return int(math.copysign(1, told)) if abs(told) > max(APART, 2 * left) else 0
 
 
 def stands_out(radar: RadarTrack, speed: Track, yaw_rate: Track) -> bool:

@@ -27,6 +27,7 @@ GROSS = 9.0  # squared sigmas: more is a gross error, and counts as much
 REPEATED = 8.0  # scans that are worth one, since neighbours repeat each other
 PRICE = 12.0  # of one mistake, in squared sigmas
 TURNED, ALONE, TWICE, MANY = 1.2, 1.6, 1.4, 3.0  # prices of a turned mount, a sign that one of equal radars has alone, two swaps, more
+BY_WHEELS = 2.0  # price of a turn the other way round than the difference of the rear wheels has it, which may be mixed up themselves
 CONTRADICTED = 3.0  # price of a scale of one radar's range rates against which its ranges speak
 LEAST_RATIO = 1.12  # a scale nearer to 1 is nothing to be weighed here
 UNIT_RATIOS = (3.6, 1 / 3.6, 100.0, 0.01)  # of units of speed
@@ -126,8 +127,11 @@ def sample(seen: SensorVelocity, speed: Track, yaw_rate: Track) -> Sample:
     return Sample(seen.velocity[moving], speed.at(time), yaw_rate.at(time))
 
 
-def weigh(samples: Sequence[Sample], mounts: Sequence[Mount], profiles: Sequence[str]) -> Weighed:
-    """All hypotheses over all radars, at least one; radars with an equal entry of `profiles` share its signs and units."""
+def weigh(samples: Sequence[Sample], mounts: Sequence[Mount], profiles: Sequence[str], wheels: int = 0) -> Weighed:
+    """All hypotheses over all radars, at least one; radars with an equal entry of `profiles` share its signs and units.
+
+    `wheels`: whether the rear wheels' difference goes with the yaw rate as decoded (1) or against it (-1), or says nothing (0).
+    """
     count = len(samples)
     measured = [one.ratio for one in samples]
     middle = float(np.median([ratio for ratio, one in zip(measured, samples, strict=True) if len(one)] or [1.0]))
@@ -145,6 +149,7 @@ def weigh(samples: Sequence[Sample], mounts: Sequence[Mount], profiles: Sequence
             continue
         shared = float(speed_factor < 0) + (abs(speed_factor) != 1) + (yaw_factor < 0) + (abs(yaw_factor) != 1)
         shared += sum(any(scales[n] != 1.0 for n in group) for group in groups)
+        shared += BY_WHEELS * (wheels * speed_factor * yaw_factor < 0)
         against = -1 if not scaled else 1
         shared += CONTRADICTED * sum(one.by_ranges == against for one, ratio in zip(samples, ratios, strict=True) if ratio != 1.0)
         for mounted in (AS_GIVEN, CLOCKWISE, IN_RADIANS, MIRRORED):
