@@ -153,8 +153,8 @@ def test_two_mistakes_at_once() -> None:
 
 def test_rear_wheels_with_each_others_signal_are_mended() -> None:
     """They differ in the shipped drive, where the other drive's are one."""
-    swapped = shipped(18.0, 24.0).motion_profile(r'rear_left = \{ signal = "WheelSpeedRL"', 'rear_left = { signal = "WheelSpeedRR"')
-    swapped = swapped.motion_profile(r'rear_right = \{ signal = "WheelSpeedRR"', 'rear_right = { signal = "WheelSpeedRL"')
+    both = r'(rear_left = \{ signal = )"WheelSpeedRL"(.*\nrear_right = \{ signal = )"WheelSpeedRR"'
+    swapped = shipped(18.0, 24.0).motion_profile(both, r'\1"WheelSpeedRR"\2"WheelSpeedRL"')
     ((finding, fix),) = check(swapped)
     assert finding.code == "wheels_swapped"
     signals = {("wheel_speeds", f"rear_{side}", "signal"): f"WheelSpeedR{side[0].upper()}" for side in ("left", "right")}

@@ -57,7 +57,7 @@ def about_bias(bias: Estimate, rests: str, sigmas: float = 2.0) -> tuple[list[Fi
         return [Finding("yaw_rate_bias", f"yaw rate: is {told}", math.degrees(bias.value), "deg/s", sure, rests, subject=YAW_RATE)], []
     if bias.sigma > KNOWN_BIAS:
         return [], [Undecided(NEEDS_STOP, "yaw-rate bias: not known: stand still for 5 s with the engine on")]
-    if abs(bias.value) > BIAS_LIMIT:
+    if abs(bias.value) > BIAS_LIMIT and rests != STANDING:
         return [], [Undecided(NEEDS_STOP, f"yaw-rate bias: perhaps {told}: stand still for 5 s with the engine on")]
     return [], []
 

@@ -165,7 +165,7 @@ def _support(radar: RadarTrack) -> float:
 
 
 def wheels_say(recorded: Recorded) -> int:
-    """Whether the right rear wheel is the faster one where the yaw rate says that the car turns left: 1, the slower one: -1, or neither: 0."""
+    """Whether the right rear wheel is the faster one where the car turns left by its yaw rate: 1, the slower one: -1, or neither: 0."""
     apart, rate = recorded.difference, recorded.yaw_rate
     if len(apart) < 100 or len(rate) < 2:
         return 0
