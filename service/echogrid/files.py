@@ -14,7 +14,7 @@ from typing import BinaryIO
 
 from echogrid.errors import EchogridError
 
-NEAR = 0.75  # of all letters in common: that both end in .toml is not enough
+NEAR = 0.85  # of all letters in common: that both end in .toml is not enough
 MOST_NAMES = 1000  # of a folder, among which a name is looked for
 
 

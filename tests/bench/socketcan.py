@@ -1,8 +1,8 @@
 """The running service on real CAN interfaces, fed at the buses' pace by another process: its share of a core.
 
-`python -m tests.bench.socketcan [SECONDS]`, as root. Where this machine has no vcan, it runs itself in the rig's guest, and says too what
-the guest as a whole took of this machine's time with the service, less what it took for the sender alone: the guest's own clock counts
-whole ticks, by chance. Prints one line of JSON.
+`python -m tests.bench.socketcan [SECONDS [MODEL]]`, as root; MODEL as in a configuration, the default network if none is given. Where
+this machine has no vcan, it runs itself in the rig's guest, and says too what the guest as a whole took of this machine's time with the
+service, less what it took for the sender alone: the guest's own clock counts whole ticks, by chance. Prints one line of JSON.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from contextlib import suppress
 from os import getpid
 from pathlib import Path
 
+from echogrid.client import Client
 from tests.rig import guest, real_bus
 from tests.rig.test_can import running
 
@@ -30,19 +31,21 @@ def spent(process: int) -> float:
     return time.clock_gettime((~process << 3) | CPUCLOCK_SCHED)
 
 
-def share(seconds: float) -> dict[str, object]:
+def share(seconds: float, model: str) -> dict[str, object]:
     """Of `seconds` of the demo drive, radars and motion on buses of their own. `alone`, `with_service`: when it was played."""
     messages = real_bus.drive(seconds)
     with real_bus.senders() as buses:
         alone = time.time()
         real_bus.play(messages, buses)
-    with tempfile.TemporaryDirectory() as folder, running(Path(folder), one_bus=False) as service, real_bus.senders() as buses:
+    with tempfile.TemporaryDirectory() as folder, running(Path(folder), one_bus=False, model=model) as service, real_bus.senders() as buses:
+        service.client.close()  # whose threads are none of the service's
         before, begun = spent(service.process.pid), time.time()
         real_bus.play(messages, buses)
         wall, took = time.time() - begun, spent(service.process.pid) - before
         read = len(service.read(messages))
-        status = service.status_when(lambda status: status["frames"] >= read)
-        service.stop()
+        with Client(service.endpoint, real_bus.VEHICLE) as service.client:
+            status = service.status_when(lambda status: status["frames"] >= read)
+            service.stop()
     return {
         "share_of_a_core": round(took / wall, 3),
         "late_s": round(wall - seconds, 2),
@@ -55,7 +58,7 @@ def share(seconds: float) -> dict[str, object]:
     }
 
 
-def in_guest(seconds: float) -> dict[str, object]:
+def in_guest(seconds: float, model: str) -> dict[str, object]:
     """The same in the rig's guest, with `share_by_host`."""
     times, took, ended = list[float](), list[float](), threading.Event()
 
@@ -66,7 +69,7 @@ def in_guest(seconds: float) -> dict[str, object]:
 
     sampler = threading.Thread(target=sample)
     sampler.start()
-    answer = guest.run([sys.executable, "-m", "tests.bench.socketcan", str(seconds)])
+    answer = guest.run([sys.executable, "-m", "tests.bench.socketcan", str(seconds), model])
     ended.set()
     sampler.join()
     if answer.status != 0:
@@ -99,11 +102,11 @@ def stat(process: Path) -> list[str]:
 
 
 if __name__ == "__main__":
-    length = float(sys.argv[1]) if len(sys.argv) > 1 else 20.0
+    length, which = float(sys.argv[1]) if len(sys.argv) > 1 else 20.0, sys.argv[2] if len(sys.argv) > 2 else "default"
     try:
         with real_bus.interfaces():
-            print(json.dumps(share(length)))
+            print(json.dumps(share(length, which)))
     except real_bus.NoInterfacesError as why:
         if lack := guest.missing():
             sys.exit(f"tests.bench.socketcan: {why}; {lack}")
-        print(json.dumps(in_guest(length)))
+        print(json.dumps(in_guest(length, which)))

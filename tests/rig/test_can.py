@@ -49,11 +49,11 @@ def _interfaces() -> Iterator[None]:
 class Running:
     """`echogrid run` in a process of its own, and a client of it."""
 
-    def __init__(self, folder: Path, *, one_bus: bool) -> None:
+    def __init__(self, folder: Path, *, one_bus: bool, model: str = "analytic") -> None:
         port = free_port()
         self.folder = folder
         self.config = folder / "echogrid.toml"
-        text = real_bus.configuration(port)
+        text = real_bus.configuration(port, model)
         self.config.write_text(text.replace('bus = "chassis"', 'bus = "radars"') if one_bus else text)
         signals = SignalReader(load_config(self.config), self.config, Health())
         self.ids = {CHASSIS: {number for number, _ in signals.ids("chassis")}, RADARS: {number for number, _ in signals.ids("radars")}}
@@ -64,7 +64,8 @@ class Running:
                 env={**os.environ, "STATE_DIRECTORY": str(folder)},
                 stderr=errors,
             )
-        self.client = Client(f"tcp/127.0.0.1:{port}", real_bus.VEHICLE)
+        self.endpoint = f"tcp/127.0.0.1:{port}"
+        self.client = Client(self.endpoint, real_bus.VEHICLE)
 
     def read(self, messages: list[can.Message]) -> list[can.Message]:
         """Those that the service reads."""
@@ -87,8 +88,8 @@ class Running:
 
 
 @contextmanager
-def running(folder: Path, *, one_bus: bool) -> Iterator[Running]:
-    service = Running(folder, one_bus=one_bus)
+def running(folder: Path, *, one_bus: bool, model: str = "analytic") -> Iterator[Running]:
+    service = Running(folder, one_bus=one_bus, model=model)
     with service.process, service.client:
         try:
             service.status_when(lambda _: True)

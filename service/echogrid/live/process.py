@@ -8,9 +8,8 @@ import sys
 from typing import Any
 
 SWITCH = 0.0005  # s: after so long a thread gives way to one that waits; Python's own 5 ms would be longer than a map update
-M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8  # of malloc.h
+M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8  # of malloc.h
 OF_ITS_OWN = 512 << 10  # bytes from which on a piece of memory goes back as soon as it is not needed
-KEPT = 1 << 20  # bytes at the heap's end that stay: given back after every map update and asked for by the next, they cost a tenth of it
 
 
 def begin() -> None:
@@ -19,7 +18,6 @@ def begin() -> None:
     tell = _of_the_c_library("mallopt")
     if tell is not None:
         tell(M_MMAP_THRESHOLD, OF_ITS_OWN)
-        tell(M_TRIM_THRESHOLD, KEPT)
         tell(M_ARENA_MAX, 1)
 
 

@@ -146,8 +146,8 @@ def elfes(random: Random, size: int) -> list[Any]:
     return [origins, distance, rays, shares, 2.0, 0.25, -0.12, 1.7, random.choice([0.0, 0.5]), np.ones((16, 16), np.float32)]
 
 
-def look(random: Random, size: int) -> list[Any]:
-    row, column, side, rays = int(random.integers(-200, 200)), int(random.integers(-200, 200)), 60, 5
+def look(random: Random, size: int, side: int = 60) -> list[Any]:
+    row, column, rays = int(random.integers(-200, 200)), int(random.integers(-200, 200)), 5
     middle = np.array((column + side / 2, row + side / 2)) * 0.25
     origins, ends = points(random, size, 2, 0.25) + middle, points(random, size, 8, 0.25) + middle
     away = ends - origins
@@ -373,6 +373,19 @@ def test_more_than_a_byte_counts_are_the_table_s_last(size: int) -> None:
         getattr(reference, draw.__name__)(*expected)
         np.testing.assert_array_equal(found[-1], expected[-1])
         assert TABLE[min(size, 255)] in found[-1]
+
+
+def test_a_look_touches_more_cells_than_there_is_room_for_at_first() -> None:
+    """8192, and twice that."""
+    found, expected = (look(np.random.default_rng(3), 40, side=240) for _ in range(2))
+    for given_ in (found, expected):
+        given_[12], given_[13] = np.arange(-3000, 3000), np.ones(6000)
+    compiled.look(*found)
+    reference.look(*expected)
+    found, expected = ordered(found), ordered(expected)
+    assert found[-6][-1] > 2 * 8192  # the last tile's end
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def ordered(arguments: list[Any]) -> list[Any]:

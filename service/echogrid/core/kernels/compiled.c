@@ -572,20 +572,28 @@ typedef struct {
     double share, near;
 } Touched;
 
+enum { TOUCHED = 8192 }; /* cells of a look that there is room for at first */
 enum { OWN_MARK = 1, PASSED_MARK = 2, HIT_MARK = 4 }; /* bits of a cell's marks */
 
 typedef struct {
-    Touched *list;
-    Py_ssize_t count;
+    Touched *list; /* grows: few of the cells that may be touched are, and room for all would be the kernel's, and its pages new, each time */
+    Py_ssize_t count, room;
     uint32_t *numbers; /* of cells, their place in the list from 1; 0: none */
     int64_t *begins; /* of each tile the cells so far, at the next one's place */
     uint32_t row, column, size, wide; /* of the window's first cell in the first tile, cells along a side, tiles along a row */
     uint64_t inverse; /* of the size, times 2^45: a product's whole part is the quotient, of what is below 2^30 by what is below 2^15 */
 } Look;
 
+/* NULL where there is no memory. */
 static inline Touched *touch(Look *look, int32_t at) {
     uint32_t place = look->numbers[at];
     if (!place) {
+        if (look->count == look->room) {
+            Touched *more = realloc(look->list, 2 * look->room * sizeof *more);
+            if (more == NULL) return NULL;
+            look->list = more;
+            look->room *= 2;
+        }
         uint32_t i = (uint32_t)((uint64_t)at * look->inverse >> 45), row = i + look->row, column = (uint32_t)at - i * look->size + look->column;
         uint32_t tile = (row >> 7) * look->wide + (column >> 7);
         look->begins[tile + 1]++;
@@ -618,28 +626,27 @@ KERNEL(look) {
     int32_t *inside = ARRAY(13)->buf;
     double cell = given.number[3], margin = given.number[4], step = cell / 2;
     Py_ssize_t fresh = 0;
-    double most = beams * (double)(rays + around); /* cells that may be touched */
-    for (Py_ssize_t n = 0; n < beams; n++) most += distance[n] > 0 ? distance[n] / step + 1 : 0;
     double longest = 0;
     for (Py_ssize_t n = 0; n < beams; n++) longest = distance[n] > longest ? distance[n] : longest;
     int32_t *mine = malloc((beams + 1) * sizeof *mine), *way = isfinite(longest) ? malloc((size_t)(longest / step + 3) * sizeof *way) : NULL;
-    Touched *list = malloc((most < cells ? (size_t)most + 1 : (size_t)cells + 1) * sizeof *list);
-    if (mine == NULL || list == NULL || way == NULL) {
+    Look look = {malloc(TOUCHED * sizeof *look.list), 0, TOUCHED, numbers, begins, (uint32_t)(row & 127), (uint32_t)(column & 127), (uint32_t)size, (uint32_t)wide, ((uint64_t)1 << 45) / (uint64_t)size + 1};
+    if (mine == NULL || look.list == NULL || way == NULL) {
         free(mine);
         free(way);
-        free(list);
+        free(look.list);
         drop(&given);
         return PyErr_NoMemory();
     }
     const Window window = {row, column, size, cell, 1 / cell, 0};
-    Look look = {list, 0, numbers, begins, (uint32_t)(row & 127), (uint32_t)(column & 127), (uint32_t)size, (uint32_t)wide, ((uint64_t)1 << 45) / (uint64_t)size + 1};
     int64_t r, c;
+    int failed = 0;
     Py_BEGIN_ALLOW_THREADS;
     memset(begins, 0, (tall * wide + 1) * sizeof *begins);
     for (Py_ssize_t n = 0; n < beams * rays; n++) {
         const double *end = ROW(double, 0, n);
         if (!inside_window(end[0], end[1], &window, &r, &c)) continue;
         Touched *found = touch(&look, (int32_t)(r * size + c));
+        if ((failed = found == NULL)) goto over;
         found->share += shares[n % rays];
         found->who |= radars[n / rays];
     }
@@ -661,6 +668,7 @@ KERNEL(look) {
             if (at < 0 || at == before) continue;
             before = at;
             Touched *found = touch(&look, at);
+            if ((failed = found == NULL)) goto over;
             found->who |= radars[n];
             found->crossed = 1;
         }
@@ -669,12 +677,15 @@ KERNEL(look) {
     for (Py_ssize_t n = 0; n < fresh; n++)
         for (Py_ssize_t k = 0; k < around; k++) {
             int64_t at = mine[n] + offsets[k];
-            if (at >= 0 && at < cells) touch(&look, (int32_t)at)->near += weights[k];
+            if (at < 0 || at >= cells) continue;
+            Touched *found = touch(&look, (int32_t)at);
+            if ((failed = found == NULL)) goto over;
+            found->near += weights[k];
         }
     for (Py_ssize_t t = 0; t < tall * wide; t++) begins[t + 1] += begins[t];
     for (Py_ssize_t n = 0; n < look.count; n++) {
-        const Touched *found = &list[n];
-        if (n + AHEAD < look.count) __builtin_prefetch(&marks[list[n + AHEAD].at], 1);
+        const Touched *found = &look.list[n];
+        if (n + AHEAD < look.count) __builtin_prefetch(&marks[look.list[n + AHEAD].at], 1);
         Py_ssize_t out = begins[found->tile]++;
         uint8_t *mark = &marks[found->at];
         numbers[found->at] = 0;
@@ -694,10 +705,16 @@ KERNEL(look) {
     }
     memmove(begins + 1, begins, tall * wide * sizeof *begins);
     begins[0] = 0;
+over:
+    for (Py_ssize_t n = 0; failed && n < look.count; n++) numbers[look.list[n].at] = 0;
     Py_END_ALLOW_THREADS;
     free(mine);
     free(way);
-    free(list);
+    free(look.list);
+    if (failed) {
+        drop(&given);
+        return PyErr_NoMemory();
+    }
     return done(&given);
 }
 
