@@ -139,7 +139,7 @@ def test_what_is_no_frame_is_an_error_that_is_counted_and_not_the_end(
     stamps = list[float]()
     until(lambda: len(stamps) == 3, lambda: stamps.extend(() if (batch := taken(bus)) is None else batch.stamps.tolist()))
     assert (stamps, bus.refresh().errors, bus.health.reconnects) == ([3.0, 4.0, 5.0], 3, 0)
-    assert caplog.text.count("makes no frame of what it received") == 1
+    assert caplog.text.count("makes no frame of what it received") == 3  # of which the journal shows one
     opened[0].garbled = live.MOST_GARBLED
     for n in range(live.MOST_GARBLED):
         sender.send(frame(0x300, b"\x02", float(n)))

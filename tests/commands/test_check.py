@@ -171,6 +171,14 @@ def test_coarse_times_are_said(tmp_path: Path, step: float, messages: list[can.M
         assert f"its times are too coarse: they go on in steps of {step:g} s" in one
 
 
+def test_a_pause_is_one_in_coarse_times_too(tmp_path: Path, messages: list[can.Message], capsys: pytest.CaptureFixture[str]) -> None:
+    later = [retimed(message, message.timestamp + 5.0 * (message.timestamp > START + 1.0)) for message in messages]
+    coarse = [retimed(message, START + int((message.timestamp - START) / 0.1 + 1e-6) * 0.1) for message in later]
+    printed, said = checked(tmp_path, "a.log", recorded.joined(recorded.candump(coarse)), capsys)
+    assert "its times are too coarse: they go on in steps of 0.1 s" in said
+    assert "[silence] recording: it pauses, for 5" in printed
+
+
 def test_frames_that_are_there_twice_are_not_called_coarse(
     tmp_path: Path, messages: list[can.Message], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -153,10 +153,8 @@ class LiveBus:
             self._source = None
 
     def _garble(self, error: Exception) -> None:
-        if not self.health.errors:
-            log.warning(
-                "bus '%s': %s makes no frame of what it received: %s; each is counted in errors", self.bus.name, self.bus.interface, error
-            )
+        said = "bus '%s': %s makes no frame of what it received: %s; each is counted in errors"
+        log.warning(said, self.bus.name, self.bus.interface, error)
         self.health.errors += 1
         self._garbled += 1
         if self._garbled == MOST_GARBLED:

@@ -103,7 +103,7 @@ def listen(config: Config, source: Path, seconds: float, on_progress: Callable[[
 
 def _report(listener: Listener, account: Account, times: Times, traffic: Traffic, torn: EchogridError | None) -> Report:
     judgement, findings, mender = listener.judged()
-    if traffic.coarse(times):  # which look like pauses
-        findings = [one for one in findings if one.code != "silence"]
+    if traffic.coarse(times):  # from one of their steps to the next nobody is heard, which is no pause
+        findings = [one for one in findings if one.code != "silence" or one.value > 2 * times.finest]
     fixes = tuple(mender.fix(one) for one in findings)
     return Report(listener, account, times, traffic, torn, listener.recorded(), judgement, tuple(findings), fixes)
