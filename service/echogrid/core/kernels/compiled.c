@@ -572,28 +572,20 @@ typedef struct {
     double share, near;
 } Touched;
 
-enum { TOUCHED = 8192 }; /* cells of a look that there is room for at first */
 enum { OWN_MARK = 1, PASSED_MARK = 2, HIT_MARK = 4 }; /* bits of a cell's marks */
 
 typedef struct {
-    Touched *list; /* grows: few of the cells that may be touched are, and room for all would be the kernel's, and its pages new, each time */
-    Py_ssize_t count, room;
+    Touched *list; /* the caller's: few of the cells that may be touched are, and pages of the kernel's would be new each time */
+    Py_ssize_t count;
     uint32_t *numbers; /* of cells, their place in the list from 1; 0: none */
     int64_t *begins; /* of each tile the cells so far, at the next one's place */
     uint32_t row, column, size, wide; /* of the window's first cell in the first tile, cells along a side, tiles along a row */
     uint64_t inverse; /* of the size, times 2^45: a product's whole part is the quotient, of what is below 2^30 by what is below 2^15 */
 } Look;
 
-/* NULL where there is no memory. */
 static inline Touched *touch(Look *look, int32_t at) {
     uint32_t place = look->numbers[at];
     if (!place) {
-        if (look->count == look->room) {
-            Touched *more = realloc(look->list, 2 * look->room * sizeof *more);
-            if (more == NULL) return NULL;
-            look->list = more;
-            look->room *= 2;
-        }
         uint32_t i = (uint32_t)((uint64_t)at * look->inverse >> 45), row = i + look->row, column = (uint32_t)at - i * look->size + look->column;
         uint32_t tile = (row >> 7) * look->wide + (column >> 7);
         look->begins[tile + 1]++;
@@ -606,47 +598,44 @@ static inline Touched *touch(Look *look, int32_t at) {
 static int ascending(const void *one, const void *other) { return (*(int32_t *)one > *(int32_t *)other) - (*(int32_t *)one < *(int32_t *)other); }
 
 KERNEL(look) {
-    TAKE("xxxxd2d1d2d2d2d1H1xl1d1f1!B1!I1!l1!i1!f1!f1!f1!H1!");
+    TAKE("xxxxd2d1d2d2d2d1H1xl1d1f1!B1!I1!B2!l1!i1!f1!f1!f1!H1!");
     int64_t row = (int64_t)given.number[0], column = (int64_t)given.number[1], size = (int64_t)given.number[2];
     Py_ssize_t beams = LENGTH(2, 0), rays = LENGTH(1, 0), around = LENGTH(7, 0), cells = size * size, tile_row = row >> 7, tile_column = column >> 7;
     Py_ssize_t tall = ((row + size - 1) >> 7) - tile_row + 1, wide = ((column + size - 1) >> 7) - tile_column + 1;
     int fits = LENGTH(0, 0) == beams * rays && LENGTH(0, 1) == 2 && LENGTH(2, 1) == 2 && LENGTH(3, 0) == beams && LENGTH(3, 1) == 2 &&
                LENGTH(4, 0) == beams && LENGTH(4, 1) == 2 && LENGTH(5, 0) == beams && LENGTH(6, 0) == beams && LENGTH(8, 0) == around &&
-               LENGTH(12, 0) == tall * wide + 1 && size > 0 && size < 1 << 15;
-    for (int n = 9; n < 18; n++) fits &= n == 12 || LENGTH(n, 0) == cells;
+               given.array[12].strides[0] == sizeof(Touched) && LENGTH(12, 1) == sizeof(Touched) && LENGTH(13, 0) == tall * wide + 1 && size > 0 && size < 1 << 15;
+    for (int n = 9; n < 19; n++) fits &= n == 13 || LENGTH(n, 0) == cells;
     if (!sized(&given, fits)) return NULL;
     const double *shares = ARRAY(1)->buf, *distance = ARRAY(5)->buf, *weights = ARRAY(8)->buf;
     const uint16_t *radars = ARRAY(6)->buf;
     const int64_t *offsets = ARRAY(7)->buf;
-    float *hit = ARRAY(9)->buf, *hits = ARRAY(14)->buf, *near = ARRAY(15)->buf, *passes = ARRAY(16)->buf;
+    float *hit = ARRAY(9)->buf, *hits = ARRAY(15)->buf, *near = ARRAY(16)->buf, *passes = ARRAY(17)->buf;
     uint8_t *marks = ARRAY(10)->buf;
     uint32_t *numbers = ARRAY(11)->buf;
-    uint16_t *who = ARRAY(17)->buf;
-    int64_t *begins = ARRAY(12)->buf;
-    int32_t *inside = ARRAY(13)->buf;
+    uint16_t *who = ARRAY(18)->buf;
+    int64_t *begins = ARRAY(13)->buf;
+    int32_t *inside = ARRAY(14)->buf;
     double cell = given.number[3], margin = given.number[4], step = cell / 2;
     Py_ssize_t fresh = 0;
     double longest = 0;
     for (Py_ssize_t n = 0; n < beams; n++) longest = distance[n] > longest ? distance[n] : longest;
     int32_t *mine = malloc((beams + 1) * sizeof *mine), *way = isfinite(longest) ? malloc((size_t)(longest / step + 3) * sizeof *way) : NULL;
-    Look look = {malloc(TOUCHED * sizeof *look.list), 0, TOUCHED, numbers, begins, (uint32_t)(row & 127), (uint32_t)(column & 127), (uint32_t)size, (uint32_t)wide, ((uint64_t)1 << 45) / (uint64_t)size + 1};
-    if (mine == NULL || look.list == NULL || way == NULL) {
+    Look look = {ARRAY(12)->buf, 0, numbers, begins, (uint32_t)(row & 127), (uint32_t)(column & 127), (uint32_t)size, (uint32_t)wide, ((uint64_t)1 << 45) / (uint64_t)size + 1};
+    if (mine == NULL || way == NULL) {
         free(mine);
         free(way);
-        free(look.list);
         drop(&given);
         return PyErr_NoMemory();
     }
     const Window window = {row, column, size, cell, 1 / cell, 0};
     int64_t r, c;
-    int failed = 0;
     Py_BEGIN_ALLOW_THREADS;
     memset(begins, 0, (tall * wide + 1) * sizeof *begins);
     for (Py_ssize_t n = 0; n < beams * rays; n++) {
         const double *end = ROW(double, 0, n);
         if (!inside_window(end[0], end[1], &window, &r, &c)) continue;
         Touched *found = touch(&look, (int32_t)(r * size + c));
-        if ((failed = found == NULL)) goto over;
         found->share += shares[n % rays];
         found->who |= radars[n / rays];
     }
@@ -668,7 +657,6 @@ KERNEL(look) {
             if (at < 0 || at == before) continue;
             before = at;
             Touched *found = touch(&look, at);
-            if ((failed = found == NULL)) goto over;
             found->who |= radars[n];
             found->crossed = 1;
         }
@@ -679,7 +667,6 @@ KERNEL(look) {
             int64_t at = mine[n] + offsets[k];
             if (at < 0 || at >= cells) continue;
             Touched *found = touch(&look, (int32_t)at);
-            if ((failed = found == NULL)) goto over;
             found->near += weights[k];
         }
     for (Py_ssize_t t = 0; t < tall * wide; t++) begins[t + 1] += begins[t];
@@ -705,16 +692,9 @@ KERNEL(look) {
     }
     memmove(begins + 1, begins, tall * wide * sizeof *begins);
     begins[0] = 0;
-over:
-    for (Py_ssize_t n = 0; failed && n < look.count; n++) numbers[look.list[n].at] = 0;
     Py_END_ALLOW_THREADS;
     free(mine);
     free(way);
-    free(look.list);
-    if (failed) {
-        drop(&given);
-        return PyErr_NoMemory();
-    }
     return done(&given);
 }
 

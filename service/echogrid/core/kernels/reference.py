@@ -202,6 +202,7 @@ def look(
     hit: Singles,
     marks: Bytes,
     numbers: NDArray[np.uint32],
+    touched: Bytes,
     begins: Integers,
     inside: Places,
     hits: Singles,
@@ -215,7 +216,7 @@ def look(
     ends (N * R, 2) with shares (R,). A cell around a point's, `offsets` (K,) flat cells from it, is near it by weights (K,).
 
     The look so far, flat cells, changed: `marks` OWN where a point was, PASSED where a beam passed and HIT where one may have ended, there
-    `hit` the largest share. `numbers` of cells, for the compiled loop: 0 before and after.
+    `hit` the largest share. For the compiled loop `numbers` of cells, 0 before and after, and room for those `touched` (cells, 32).
 
     Out, tile by tile: `begins` (T + 1,) where each tile's cells begin in the rest, rows of tiles first. Of cells that a beam touched:
     `inside` the flat cell in its tile, what is to be added to hits, near and passes, and `who` touched it. Their order within a tile is
@@ -250,11 +251,11 @@ def look(
     for cells, bits in ((flat[in_window], np.repeat(radars, len(shares))[in_window]), (through, radars[beam])):
         for bit in once(bits):
             by[cells[bits == bit]] |= bit
-    touched = np.flatnonzero((by != 0) | (beside > 0) | (share > 0) | (fresh > 0))
-    order, inside[: len(touched)] = by_tile(touched, row, column, size, begins)
-    touched = touched[order]
+    changed = np.flatnonzero((by != 0) | (beside > 0) | (share > 0) | (fresh > 0))
+    order, inside[: len(changed)] = by_tile(changed, row, column, size, begins)
+    changed = changed[order]
     for out, values in ((hits, more), (near, beside), (passes, fresh), (who, by)):
-        out[: len(touched)] = values[touched]
+        out[: len(changed)] = values[changed]
 
 
 def usual(

@@ -66,6 +66,7 @@ class Measurement:
         self._hits, self._near, self._passes = (np.empty(cells, np.float32) for _ in range(3))
         self._radars = np.empty(cells, np.uint16)
         self._hit, self._marks, self._numbers = np.empty(cells, np.float32), np.zeros(cells, np.uint8), np.zeros(cells, np.uint32)
+        self._touched = np.empty((cells, 32), np.uint8)  # memory only as far as looks have needed it
         self.begin(SE2(0.0, 0.0, 0.0))
 
     def begin(self, odom_from_base: SE2) -> None:
@@ -100,6 +101,7 @@ class Measurement:
             self._hit,
             self._marks,
             self._numbers,
+            self._touched,
             begins,
             self._inside,
             self._hits,
