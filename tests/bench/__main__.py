@@ -168,7 +168,8 @@ def keeping() -> dict[str, float]:
     pipeline = Pipeline(config, drive.config)
     update = next(update for update in pipeline.updates(Log(drive.log).batches()) if pipeline.health.cycles >= 400)
     tile = max(pipeline.mapper.map.tiles.values(), key=lambda tile: int((tile.seen_s > 0).sum()))
-    packed, layers = tile_data.encode(tile), len(tile.layers)
+    packer = tile_data.Packer()
+    packed, layers = packer.pack(tile), len(tile.layers)
     arrays = {"layers": tile.layers, "seen_s": tile.seen_s, "radars": tile.radars}
     zipped = io.BytesIO()
     np.savez_compressed(zipped, **arrays)
@@ -182,9 +183,9 @@ def keeping() -> dict[str, float]:
     assert snapshot is not None
     announcer = Announcer(config, "")
     return {
-        "tile to bytes, ours": median_us(lambda: tile_data.encode(tile)),
+        "tile to bytes, ours": median_us(lambda: packer.pack(tile)),
         "tile to bytes, numpy.savez_compressed": median_us(lambda: np.savez_compressed(io.BytesIO(), **arrays), repeats=50),
-        "bytes to tile, ours": median_us(lambda: tile_data.decode(packed, layers)),
+        "bytes to tile, ours": median_us(lambda: tile_data.unpacked(packed, layers)),
         "bytes to tile, numpy.load": median_us(lambda: dict(np.load(io.BytesIO(zipped.getvalue()))), repeats=50),
         "size in KiB, ours": len(packed) / 1024,
         "size in KiB, numpy.savez_compressed": len(zipped.getvalue()) / 1024,

@@ -17,14 +17,15 @@ from echogrid.core.map.tile import Tile, TileKey
 from echogrid.core.map.tiled_map import TiledMap
 from echogrid.store.epoch import Description
 from echogrid.store.store_file import ForeignFileError, State, StoreError
+from echogrid.store.tile_data import unpacked
 from echogrid.store.tile_store import TileStore
 
 log = logging.getLogger("echogrid")
 MOST_WAITING = 64  # tiles without room in memory that wait for the disk
 LOOKS = 0.5  # s: whether to flush is asked so often at least
-AT_ONCE = 32  # tiles that are copied to be written together
+AT_ONCE = 32  # tiles that are packed to be written together
 GOES_ON = "; mapping continues in memory"
-Waiting = dict[tuple[int, TileKey], Tile]  # by epoch
+Waiting = dict[tuple[int, TileKey], Tile | bytes]  # by epoch; as they are, or packed
 
 
 @dataclass(slots=True)
@@ -65,6 +66,7 @@ class TileKeeper:
         self.status = StoreStatus()
         self._description = description
         self._waiting: Waiting = {}  # the longest first: on their way to the disk
+        self._copied = Tile.empty(occupancy.layers)  # one after the other, while it is packed: pages that are new cost more than the copy
         self._stored: set[TileKey] = set()  # of the running epoch
         self._due_at = time.monotonic()
         self._writer: tuple[TileStore, int] | None = None  # and the file's inode
@@ -109,11 +111,11 @@ class TileKeeper:
             with self.lock:
                 changed = list(self.map.dirty)
             for first in range(0, len(changed), AT_ONCE):
-                copied = self._copy(changed[first : first + AT_ONCE])
+                packed = self._pack(store, changed[first : first + AT_ONCE])
                 try:
                     self._write(store)
                 except StoreError:
-                    self._take_back(copied)
+                    self._take_back(packed)
                     raise
             crowded = self._make_room(store)
             self.status.mib = store.size() / (1 << 20)
@@ -131,7 +133,7 @@ class TileKeeper:
         """Of the running epoch: a copy, for what waits may be on its way to the disk."""
         waiting = self._waiting.get((self.epoch, key))
         if waiting is not None:
-            return waiting.copy()
+            return self._copy(waiting)
         if key not in self._stored:
             return None
         tile = self._read("mapping", self.epoch, key)
@@ -165,7 +167,7 @@ class TileKeeper:
             epoch = self.epoch
             tile = self.map.tiles.get(key) or self._waiting.get((epoch, key))
             if tile is not None:
-                return tile.copy()
+                return self._copy(tile)
             if key not in self._stored:
                 return None
         with self._asking:
@@ -198,20 +200,30 @@ class TileKeeper:
                     self.map.dirty |= self.map.tiles.keys() - held
         return self._writer[0]
 
-    def _copy(self, keys: Iterable[TileKey]) -> Waiting:
+    def _pack(self, store: TileStore, keys: Iterable[TileKey]) -> Waiting:
         """Tiles that changed, as they are now, each on its way to the disk."""
-        copied: Waiting = {}
+        packed: Waiting = {}
         for key in keys:
             with self.lock:
-                if key in self.map.dirty:  # still: it may have had to leave the memory meanwhile
-                    self.map.dirty.remove(key)
-                    copied[self.epoch, key] = self._waiting[self.epoch, key] = self.map.tiles[key].copy()
-        return copied
+                if key not in self.map.dirty:  # any more: it may have had to leave the memory meanwhile
+                    continue
+                self.map.dirty.remove(key)
+                where = self.epoch, key
+                self._copied.become(self.map.tiles[key])
+                self._waiting[where] = self._copied
+            data = store.packed(self._copied)
+            with self.lock:
+                if self._waiting.get(where) is self._copied:  # not a newer one
+                    self._waiting[where] = packed[where] = data
+        return packed
 
-    def _take_back(self, copied: Waiting) -> None:
+    def _copy(self, tile: Tile | bytes) -> Tile:
+        return unpacked(tile, self.map.layers) if isinstance(tile, bytes) else tile.copy()
+
+    def _take_back(self, packed: Waiting) -> None:
         """What was not written and is in memory still need not wait: it has changed, as before."""
         with self.lock:
-            for (epoch, key), tile in copied.items():
+            for (epoch, key), tile in packed.items():
                 if self._waiting.get((epoch, key)) is tile and epoch == self.epoch and key in self.map.tiles:
                     del self._waiting[epoch, key]
                     self.map.dirty.add(key)

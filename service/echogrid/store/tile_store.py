@@ -14,7 +14,7 @@ from echogrid.core.map.tile import Tile, TileKey
 from echogrid.errors import EchogridError
 from echogrid.store.epoch import LAYERS, Description, Epoch, description_of, row_of
 from echogrid.store.store_file import StoreError, open_file, sqlite_errors, transaction
-from echogrid.store.tile_data import decode, encode
+from echogrid.store.tile_data import Packer, unpacked
 
 OLDEST = 64  # tiles that are removed at once if there is no room
 
@@ -30,6 +30,7 @@ class TileStore:
         """Raises ForeignFileError if the file is not a store of tiles, or one that only a newer version reads; it is left as it is."""
         self.path = path
         self._connection = open_file(path, write)
+        self._packer = Packer()
 
     def __enter__(self) -> Self:
         return self
@@ -99,7 +100,7 @@ class TileStore:
         if row is None:
             return None
         try:
-            return decode(row[0], LAYERS[row[1]])
+            return unpacked(row[0], LAYERS[row[1]])
         except (ValueError, KeyError, TypeError, zstandard.ZstdError) as error:
             raise StoreError(f"{self.path}: tile {tile} of epoch {epoch} is damaged: {error}") from error
 
@@ -109,9 +110,16 @@ class TileStore:
             row = self._connection.execute("SELECT stamp_ns FROM tile WHERE epoch = ? AND row = ? AND col = ?", (epoch, *tile)).fetchone()
         return None if row is None else int(row[0])
 
-    def write(self, epoch: int, tiles: Mapping[TileKey, Tile], stamp_ns: int) -> None:
+    def packed(self, tile: Tile) -> bytes:
+        """What `write` takes in place of a tile: a fourth of the memory or less."""
+        return self._packer.pack(tile)
+
+    def write(self, epoch: int, tiles: Mapping[TileKey, Tile | bytes], stamp_ns: int) -> None:
         """All of them or none; those that are there already are replaced. `stamp_ns`: of the newest update in them, Unix time."""
-        rows = [(epoch, *key, stamp_ns, encode(tile)) for key, tile in tiles.items()]
+        rows = (
+            (epoch, *key, stamp_ns, tile if isinstance(tile, bytes) else self.packed(tile))  # one at a time
+            for key, tile in tiles.items()
+        )
         with sqlite_errors(self.path), transaction(self._connection):
             self._connection.executemany("INSERT OR REPLACE INTO tile VALUES (?, ?, ?, ?, ?)", rows)
 

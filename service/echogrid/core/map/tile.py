@@ -32,6 +32,10 @@ class Tile:
         """What it holds now."""
         return Tile(self.layers.copy(), self.seen_s.copy(), self.radars.copy())
 
+    def become(self, other: Tile) -> None:
+        """A copy of a tile with as many layers, in the same memory."""
+        self.layers[:], self.seen_s[:], self.radars[:] = other.layers, other.seen_s, other.radars
+
 
 def tile_bytes(layers: int) -> int:
     """Of a tile in memory."""
