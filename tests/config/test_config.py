@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,40 @@ def complaint(tmp_path: Path, text: str) -> str:
     assert "\n" not in str(caught.value)
     assert str(caught.value).startswith(f"{path}: ")
     return str(caught.value)
+
+
+@pytest.mark.parametrize(("table", "single"), [("bus", False), ("radar", False), ("motion", True), ("publish.tls", True)])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_a_table_that_is_opened_twice_is_told_with_both_lines_and_what_is_expected(
+    tmp_path: Path, table: str, single: bool, end: str
+) -> None:
+    """All four pairs of brackets; only two [[...]] of a table that there may be several of are well."""
+    for first, second in product((f"[{table}]", f"[[{table}]]"), repeat=2):
+        decoy = f'text = """\n{second}\n"""'  # no line of the file's structure
+        text = end.join((first, 'name = "a"', "[body]", decoy.replace("\n", end), f"  {second} # again", 'name = "b"'))
+        said = complaint(tmp_path, text).removeprefix(f"{tmp_path / 'echogrid.toml'}: ")
+        if first == second == f"[[{table}]]":
+            assert not said.startswith("line")
+            continue
+        expected = f"one [{table}]" if single else f"[[{table}]] each time: there may be several"
+        assert said == f"line 7: {second} found, and {first} in line 1, expected {expected}"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("bus = []\n[[bus]]\n", "line 2: [[bus]] found, but 'bus' is there already as a key, expected [[bus]] each time"),
+        ('publish.tls.ca = "a"\n[publish.tls]', "line 2: [publish.tls] found, but 'publish.tls' is there already as a key, expected one ["),
+        ("[body]\nwidth = 2\nwidth = 3\n", "line 3: 'width = 3' found, but what it names is there already, expected once"),
+        ("[[motion]]\n", "motion: [[motion]] found, expected [motion]: there is one"),
+        (
+            "[[radar]]\n[radar.x]\n[[radar]]\n[radar.x]\n[radar.x]\n",
+            "line 5: [radar.x] found, and [radar.x] in line 4, expected one [radar.x]",
+        ),
+    ],
+)
+def test_what_else_is_there_twice_or_of_the_wrong_brackets_is_told(tmp_path: Path, text: str, expected: str) -> None:
+    assert complaint(tmp_path, text).startswith(f"{tmp_path / 'echogrid.toml'}: {expected}")
 
 
 @pytest.mark.parametrize(("mark", "end"), [("\ufeff", "\n"), ("", "\r\n"), ("\ufeff", "\r\n")])

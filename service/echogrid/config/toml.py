@@ -12,6 +12,7 @@ from typing import TypeVar
 import msgspec
 import msgspec.inspect
 
+from echogrid.config.twice import twice
 from echogrid.errors import EchogridError
 from echogrid.files import read, surely
 
@@ -36,16 +37,19 @@ class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 def load(path: Path, kind: type[T]) -> T:
     """The file as a `kind`. Raises EchogridError naming the file, the key, what was found and what was expected."""
     try:
-        document = tomllib.loads(read(path, MOST_BYTES).decode("utf-8-sig"), parse_float=_finite)
-        nameless = _nameless(document)
+        text = read(path, MOST_BYTES).decode("utf-8-sig")
     except EchogridError as error:
         raise EchogridError(f"{error}{_other(path)}") from error
     except UnicodeDecodeError as error:
         raise EchogridError(f"{path}: is not a text file (byte {error.start} is not UTF-8){_other(path)}") from error
+    try:
+        document = tomllib.loads(text, parse_float=_finite)
+        nameless = _nameless(document)
     except RecursionError as error:
         raise EchogridError(f"{path}: tables or arrays are nested too deeply") from error
     except ValueError as error:  # TOMLDecodeError, and what Python says of endless numbers
-        raise EchogridError(f"{path}: is not valid TOML: {error}{_other(path)}") from error
+        why = twice(text, str(error), kind) or f"is not valid TOML: {error}{_other(path)}"
+        raise EchogridError(f"{path}: {why}") from error
     if nameless is not None:
         raise EchogridError(f"{path}: {nameless}")
     try:
@@ -105,6 +109,8 @@ def _sentence(message: str, kind: type, document: object) -> str:
         what = f"{found!r:.60} found, expected {expected}"
         if expected == "an array" and isinstance(found, dict):
             what = f"[{key}] found, expected [[{key}]]: there may be several"
+        if expected == "a table" and isinstance(found, list):
+            what = f"[[{key}]] found, expected [{key}]: there is one"
     unknown = re.fullmatch(r"Object contains unknown field `(.*)`", what)
     if unknown:
         name, keys = unknown[1], _all_keys(kind)
