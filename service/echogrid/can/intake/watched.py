@@ -72,8 +72,21 @@ class Watched:
     def _received(self, timeout: float) -> can.Message | None:
         try:
             message = self._bus.recv(timeout)
+            if message is not None:
+                _check(message)
         except Exception as fault:  # each of python-can's interfaces raises what its driver raises
             self._fault = fault
             return None
         self.reads = True
         return message
+
+
+def _check(message: can.Message) -> None:
+    """Raises ValueError for what no bus carries: a line of a serial adapter that lost some of its letters may still read as a frame."""
+    if message.is_error_frame:
+        return
+    number, bits = message.arbitration_id, 29 if message.is_extended_id else 11
+    if not 0 <= number < 1 << bits:
+        raise ValueError(f"id {number:#x} found, expected one of {bits} bits")
+    if len(message.data) < message.dlc and not message.is_remote_frame:
+        raise ValueError(f"{len(message.data)} bytes of frame {number:#x} found, expected the {message.dlc} that it announces")
