@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import errno
+import socket
+import threading
 from collections.abc import Iterator
+from queue import Empty, SimpleQueue
 
 import can
 import pytest
+from can.interfaces.slcan import slcanBus
+from can.interfaces.socketcan import socketcan
 from tests.support.frames import frame
-from tests.support.waiting import until
+from tests.support.waiting import PATIENCE, until
 
 from echogrid.can import bus as live
 from echogrid.can.bus import LiveBus, wait
@@ -101,6 +106,93 @@ def test_a_lost_bus_is_opened_again_and_again_until_it_can_be_read(sender: can.B
     bus.close()
 
 
+class Stuck(can.BusABC):
+    """A driver that fails once, and then does not come back from reading until it is let go."""
+
+    def __init__(self) -> None:
+        self.fails, self.came_back = True, False
+        self.reads, self.let_go = threading.Event(), threading.Event()
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        if self.fails:
+            self.fails = False
+            raise can.CanOperationError("Error receiving: no such device", 19)
+        self.reads.set()
+        self.let_go.wait(PATIENCE)
+        self.came_back = True
+        return None
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        raise NotImplementedError
+
+    def shutdown(self) -> None:
+        raise OSError(errno.EIO, "the device is gone")
+
+
+def test_who_maps_does_not_wait_for_the_driver_of_a_bus_that_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its thread is waited for by who closes the bus, at the latest at the end, which no driver that fails then disturbs."""
+    stuck = Stuck()
+    monkeypatch.setattr(live, "open_bus", lambda bus, ids: stuck)
+    monkeypatch.setattr(live.log, "warning", lambda *_: stuck.reads.wait(PATIENCE))  # as long as a journal may take
+    bus = LiveBus(BUS, [ID])
+    until(lambda: not bus.is_open, lambda: taken(bus))
+    assert stuck.reads.is_set()
+    assert not stuck.came_back
+    assert not bus.refresh().up
+    stuck.let_go.set()
+    bus.close()
+    assert stuck.came_back
+    assert not [thread for thread in threading.enumerate() if thread.name == "watch"]
+
+
+class Adapter(slcanBus):
+    """python-can's reading of the lines of a serial adapter, without the port."""
+
+    def __init__(self) -> None:
+        self.lines: SimpleQueue[str] = SimpleQueue()
+        self._queue = SimpleQueue()
+        can.BusABC.__init__(self, "adapter")
+
+    def _read(self, timeout: float | None) -> str | None:
+        try:
+            return self.lines.get(timeout=timeout)
+        except Empty:
+            return None
+
+    def shutdown(self) -> None:
+        can.BusABC.shutdown(self)
+
+
+@pytest.mark.parametrize("line", ["t1232A1B2", "T0000012331A2B3C", "d1239112233445566778899AABBCC", "B000001232A1B2", "r1232"])
+def test_of_a_line_of_a_serial_adapter_that_is_torn_anywhere_no_frame_comes(line: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each piece of it is an error that is counted; the whole line behind them is a frame."""
+    adapter = Adapter()
+    monkeypatch.setattr(live, "open_bus", lambda bus, ids: adapter)
+    bus = LiveBus(BUS, [])
+    for end in range(1, len(line)):
+        adapter.lines.put(f"{line[:end]}\r")
+    adapter.lines.put(f"{line}\r")
+    batch = until(lambda: taken(bus))
+    (found,) = batch
+    assert (found.arbitration_id, found.data.hex().upper()) == (0x123, line[-2 * len(found.data) :] if found.data else "")
+    assert len(found.data) == (0 if found.is_remote_frame else found.dlc)
+    assert (bus.refresh().errors, bus.health.frames) == (len(line) - 1, 1)
+    bus.close()
+
+
+@pytest.mark.parametrize("line", ["tFFF1A1", "t-121A1", "TFFFFFFFF1A1"])
+def test_an_id_that_no_frame_has_spoils_itself_alone(line: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    adapter = Adapter()
+    monkeypatch.setattr(live, "open_bus", lambda bus, ids: adapter)
+    bus = LiveBus(BUS, [])
+    for one in ("t1231A1", line, "t1241A1"):
+        adapter.lines.put(f"{one}\r")
+    ids = list[int]()
+    until(lambda: len(ids) == 2, lambda: ids.extend(() if (batch := taken(bus)) is None else batch.ids.tolist()))
+    assert (ids, bus.refresh().errors) == ([0x123, 0x124], 1)
+    bus.close()
+
+
 class Garbled(Unplugged):
     """Some lines that came over a serial port are no frames, as python-can's slcan says it."""
 
@@ -125,9 +217,10 @@ def test_what_is_no_frame_is_an_error_that_is_counted_and_not_the_end(
         opened.append(Garbled(real(bus, ids)))
         return opened[-1]
 
-    def look() -> FrameBatch | None:
+    def is_back() -> bool:
         bus.bring_back()
-        return taken(bus)
+        taken(bus)
+        return bus.health.reconnects == 1
 
     real = live.open_bus
     monkeypatch.setattr(live, "open_bus", open_garbled)
@@ -143,7 +236,7 @@ def test_what_is_no_frame_is_an_error_that_is_counted_and_not_the_end(
     opened[0].garbled = live.MOST_GARBLED
     for n in range(live.MOST_GARBLED):
         sender.send(frame(0x300, b"\x02", float(n)))
-    until(lambda: bus.health.reconnects == 1, look)
+    until(is_back)
     assert "was lost: invalid literal" in caplog.text
     assert len(opened) == 2
     bus.close()
@@ -176,3 +269,19 @@ def test_what_is_said_of_this_very_kernel_is_no_number_of_an_error() -> None:
     with pytest.raises(EchogridError, match="this kernel has no SocketCAN|there is no such network interface, found") as caught:
         LiveBus(Bus(name="radars", channel="nowhere97"), [ID])
     assert "Errno" not in str(caught.value)
+
+
+def test_the_socket_of_a_bus_that_cannot_be_opened_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At once, though whoever caught the error still holds it; python-can makes it, and then finds no such interface."""
+    made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    with made:
+
+        def nowhere(*_: object) -> None:
+            raise OSError(errno.ENODEV, "No such device")
+
+        monkeypatch.setattr(socketcan, "create_socket", lambda: made)
+        monkeypatch.setattr(socketcan, "bind_socket", nowhere)
+        with pytest.raises(EchogridError, match="there is no such network interface") as caught:
+            LiveBus(Bus(name="radars", channel="nowhere97"), [ID])
+        assert caught.value.__cause__ is not None
+        assert made.fileno() == -1

@@ -8,7 +8,9 @@ import select
 import socket
 import struct
 import time
+import traceback
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,6 +60,7 @@ class LiveBus:
         self.health = BusHealth()
         self._opened: can.BusABC | None = open_bus(bus, ids)
         self._source: Inbox | Watched | None = _source(self._opened)  # None from a fault until it is opened again
+        self._faulty: Inbox | Watched | None = None  # the one with the fault, until who brings the bus back closes it, which may wait
         self._overflow_before = 0  # of the sockets that were closed
         self._lost = False
         self._garbled = 0  # without a frame between
@@ -107,10 +110,7 @@ class LiveBus:
         """Opens it again, where it was lost and it is time to try."""
         if self._source is not None or time.monotonic() < self._retry_at:
             return
-        try:
-            self.close()
-        except (can.CanError, OSError):  # a device that is gone need not be closed in good order
-            self._opened = None
+        self.close()
         try:
             self._opened = open_bus(self.bus, self.ids)
         except EchogridError:
@@ -119,19 +119,21 @@ class LiveBus:
             self._source = _source(self._opened)
 
     def refresh(self) -> BusHealth:
-        """The counters, the kernel's overflow among them."""
-        self.health.overflow = self._overflow_before + self._dropped_by_kernel()
+        """The counters, the kernel's overflow among them. For another thread too: no counter goes back while the bus is closed."""
+        self.health.overflow = max(self.health.overflow, self._overflow_before + _dropped_by_kernel(self._opened))
         return self.health
 
     def close(self) -> None:
         """A second time does nothing."""
         if self._opened is not None:
-            self._overflow_before += self._dropped_by_kernel()
             opened, self._opened = self._opened, None
-            if self._source is not None:
-                self._source.close()
-                self._source = None
-            opened.shutdown()
+            self._overflow_before += _dropped_by_kernel(opened)
+            sources, self._source, self._faulty = (self._source, self._faulty), None, None
+            for source in sources:
+                if source is not None:
+                    source.close()
+            with suppress(Exception):  # what a driver raises of a device that is gone: it need not be closed in good order
+                opened.shutdown()
 
     def _note(self, codes: NDArray[np.uint32], *, sound_last: bool) -> None:
         """Error frames, by their ids; a bus that was left is up again if a sound frame came last."""
@@ -148,9 +150,7 @@ class LiveBus:
             log.warning("bus '%s': %s channel '%s' was lost: %s; trying again", self.bus.name, self.bus.interface, self.bus.channel, error)
         self._lost, self.health.up = True, False
         self._wait_longer()
-        if self._source is not None:
-            self._source.close()
-            self._source = None
+        self._faulty, self._source = self._source, None
 
     def _garble(self, error: Exception) -> None:
         said = "bus '%s': %s makes no frame of what it received: %s; each is counted in errors"
@@ -170,20 +170,20 @@ class LiveBus:
         self.health.reconnects += 1
         log.warning("bus '%s': %s channel '%s' is back", self.bus.name, self.bus.interface, self.bus.channel)
 
-    def _dropped_by_kernel(self) -> int:
-        opened = self._opened
-        if not isinstance(opened, SocketcanBus):
-            return 0
-        try:
-            return int(MEMINFO.unpack(opened.socket.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, MEMINFO.size))[DROPS])
-        except (OSError, ValueError, struct.error):  # closed meanwhile
-            return 0
-
 
 def wait(buses: Sequence[LiveBus], timeout: float) -> None:
     """Until something can be taken of one that is open, and a moment longer for what comes close behind it; at most `timeout` s."""
     if select.select([bus for bus in buses if bus.is_open], [], [], timeout)[0]:
         time.sleep(GATHER)
+
+
+def _dropped_by_kernel(opened: can.BusABC | None) -> int:
+    if not isinstance(opened, SocketcanBus):
+        return 0
+    try:
+        return int(MEMINFO.unpack(opened.socket.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, MEMINFO.size))[DROPS])
+    except (OSError, ValueError, struct.error):  # closed meanwhile
+        return 0
 
 
 def _source(opened: can.BusABC) -> Inbox | Watched:
@@ -204,10 +204,20 @@ def open_bus(bus: Bus, ids: list[FrameId]) -> can.BusABC:
     try:
         opened = can.Bus(**options, ignore_config=True)  # the configuration is this file alone, not ~/.canrc
     except Exception as error:  # each of python-can's interfaces raises what its driver raises
+        _close_sockets(error)
         raise EchogridError(f"bus '{bus.name}': {bus.interface} channel '{bus.channel}' cannot be opened: {_why(bus, error)}") from error
     if isinstance(opened, SocketcanBus):
         _enlarge(opened.socket, bus)
     return opened
+
+
+def _close_sockets(error: Exception) -> None:
+    """Those of a bus that could not be opened: python-can leaves them to the garbage collector, and only the traceback has the bus."""
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        made = frame.f_locals.get("self")
+        for held in vars(made).values() if isinstance(made, can.BusABC) else ():
+            if isinstance(held, socket.socket):
+                held.close()
 
 
 def _why(bus: Bus, error: Exception) -> str:
