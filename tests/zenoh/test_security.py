@@ -359,7 +359,9 @@ def test_files_that_do_not_fit_are_one_sentence(tmp_path: Path, files: Files) ->
         (replace(ours, certificate=none), f"{none}: cannot be read: No such file or directory"),
         (replace(ours, key=tmp_path), f"{tmp_path}: cannot be read: Is a directory"),
         (replace(ours, ca=garbage), f"{garbage}: holds no certificate in PEM form"),
-        (replace(ours, certificate=garbage), f"{ours.key}: is not an unencrypted PEM key of the certificate {garbage}"),
+        (replace(ours, certificate=garbage), f"{garbage}: holds no certificate in PEM form"),
+        (replace(ours, certificate=ours.key), f"{ours.key}: holds no certificate in PEM form"),
+        (replace(ours, key=ours.ca), f"{ours.ca}: is not an unencrypted PEM key of the certificate {ours.certificate}"),
         (replace(ours, key=locked), f"{locked}: is not an unencrypted PEM key of the certificate {ours.certificate}"),
         (
             replace(ours, key=files.of("stranger").key),

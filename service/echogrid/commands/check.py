@@ -10,9 +10,13 @@ from echogrid.commands.judged import check_live, check_log
 from echogrid.commands.mended import write_mended
 from echogrid.commands.terminal import progress
 from echogrid.config.loading import load_config
+from echogrid.config.tables import Config
 from echogrid.errors import EchogridError
 from echogrid.files import check_file, whole
 from echogrid.pipeline import Pipeline
+from echogrid.store.tile_keeper import check_ours
+from echogrid.watching.metrics import check_installed
+from echogrid.zenoh.credentials import checked
 from echogrid.zenoh.publisher import check_pose_key
 
 
@@ -27,8 +31,8 @@ def command(
 ) -> bool:
     """Prints what was found; returns whether nothing is wrong. `seconds`: so long the configured buses are listened to, instead of a log.
 
-    Raises EchogridError where configuration, log or bus cannot be read, and, after all is printed, where the log is torn or its times
-    are none.
+    Raises EchogridError where configuration, log or bus cannot be read, and, after all is printed, where the log is torn, its times are
+    none, or a file that the configuration names would end the service at its start: a recording may be checked where that is not.
     """
     if log is not None and seconds is not None:
         raise EchogridError("either a LOG or --seconds can be checked, not both")
@@ -38,7 +42,10 @@ def command(
         check_pose_key(config.pose, config.vehicle, config.ros)
     except EchogridError as error:
         raise EchogridError(f"{config_path}: {error}") from error
+    refused = _refused(config, config_path)
     if log is None and seconds is None:
+        if refused is not None:
+            raise EchogridError(refused)
         if fix_out is not None or page is not None:
             raise EchogridError("--fix-out and --report need a LOG or --seconds")
         if as_json:
@@ -71,6 +78,22 @@ def command(
     if files and not as_json:
         print(f"written: {', '.join(files)}")
     faults = [*([] if report.torn is None else [str(report.torn)]), *report.faults()]
+    if faults and report.torn is None:
+        faults[0] = f"{shown}: {faults[0]}"
+    faults += [] if refused is None else [refused]
     if faults:
-        raise EchogridError("; ".join(faults if report.torn is not None else [f"{shown}: {faults[0]}", *faults[1:]]))
+        raise EchogridError("; ".join(faults))
     return not report.findings
+
+
+def _refused(config: Config, path: Path) -> str | None:
+    """Why a service with this configuration would end at its start, by what is installed and in the files it names; None where it would
+    not."""
+    try:
+        checked(config.publish)
+        check_installed(config.metrics)
+        if config.store.path is not None:
+            check_ours(Path(config.store.path))
+    except EchogridError as error:
+        return f"{path}: {error}"
+    return None

@@ -6,6 +6,7 @@ import logging
 import time
 from collections.abc import Mapping
 from contextlib import ExitStack
+from importlib.util import find_spec
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -28,13 +29,12 @@ class Metrics:
         self._file = settings.file
         self._exposition: Exposition | None = None
         self._open = ExitStack()
+        check_installed(settings)
         address = settings.address()
         if address is None and settings.file is None:
             return
-        try:
-            from echogrid.watching.openmetrics import Exposition
-        except ImportError as error:
-            raise EchogridError("metrics: prometheus-client is not installed: pip install prometheus-client") from error
+        from echogrid.watching.openmetrics import Exposition
+
         self._exposition = Exposition(vehicle)
         if settings.file is not None:
             try:
@@ -63,3 +63,9 @@ class Metrics:
                 self._exposition.write(self._file)
             except OSError as error:
                 log.warning("metrics.file: '%s' cannot be written: %s", self._file, error.strerror)
+
+
+def check_installed(settings: config.Metrics) -> None:
+    """Raises EchogridError where metrics are asked for, but prometheus-client is not there."""
+    if (settings.listen is not None or settings.file is not None) and find_spec("prometheus_client") is None:
+        raise EchogridError("metrics: prometheus-client is not installed: pip install prometheus-client")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-from echogrid.config.tables import Tls
+from echogrid.config.tables import Publish, Tls
 from echogrid.errors import EchogridError
 
 
@@ -25,7 +25,8 @@ class Credentials:
         return cls(Path(tls.ca), Path(tls.certificate), Path(tls.key))
 
     def check(self) -> None:
-        """Raises EchogridError where a file cannot be read, the key is another's, or the authority does not vouch for us now."""
+        """Raises EchogridError where a file cannot be read or is something else, the key is another's, or the authority does not vouch for
+        us now."""
         for path in (self.ca, self.certificate, self.key):
             try:
                 path.read_bytes()
@@ -56,15 +57,32 @@ class Credentials:
         context = ssl.SSLContext(protocol)
         context.check_hostname = False
         context.verify_mode = ssl.CERT_REQUIRED
-        try:
-            context.load_verify_locations(self.ca)
-        except ssl.SSLError as error:
-            raise EchogridError(f"{self.ca}: holds no certificate in PEM form") from error
+        _load(context, self.ca)
+        _load(ssl.SSLContext(protocol), self.certificate)  # into one that trusts it: only to say which file is none
         try:
             context.load_cert_chain(self.certificate, self.key, password="")  # without a word it would ask the terminal for one
         except (ssl.SSLError, ValueError) as error:
             raise EchogridError(f"{self.key}: is not an unencrypted PEM key of the certificate {self.certificate}") from error
         return context
+
+
+def checked(settings: Publish) -> Credentials | None:
+    """Those of [publish.tls]; None without. Raises EchogridError naming the table and the file, as `check`."""
+    if settings.tls is None:
+        return None
+    credentials = Credentials.of(settings.tls)
+    try:
+        credentials.check()
+    except EchogridError as error:
+        raise EchogridError(f"publish.tls: {error}") from error
+    return credentials
+
+
+def _load(context: ssl.SSLContext, authority: Path) -> None:
+    try:
+        context.load_verify_locations(authority)
+    except ssl.SSLError as error:
+        raise EchogridError(f"{authority}: holds no certificate in PEM form") from error
 
 
 def _handshake(server: ssl.SSLContext, client: ssl.SSLContext) -> None:

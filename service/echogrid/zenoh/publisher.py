@@ -18,7 +18,7 @@ from echogrid.errors import EchogridError
 from echogrid.topics.topic import ALIVE, FLEET, FULL, RUN, TOPICS, Message, Topic
 from echogrid.zenoh.access import access_control
 from echogrid.zenoh.attachment import GID_SIZE
-from echogrid.zenoh.credentials import Credentials
+from echogrid.zenoh.credentials import Credentials, checked
 from echogrid.zenoh.fleet import Fleet
 from echogrid.zenoh.namesakes import SAID, Namesakes
 from echogrid.zenoh.ros import RosNode, topic_keys, viewed
@@ -44,7 +44,7 @@ class Publisher:
         """`pose`: whose key may be written by its senders, and heard by us."""
         check_pose_key(pose, vehicle, ros)
         self.vehicle = vehicle
-        credentials = _credentials(settings)
+        credentials = checked(settings)
         given = [*(key(vehicle, names) for names in VIEWED), *viewed(ros)]
         viewers, senders = (None, None) if settings.tls is None else (settings.tls.viewers, () if pose is None else pose.senders)
         runs = key(vehicle, f"{RUN}/*") if settings.connect else None  # a router of ours may be that of others
@@ -162,18 +162,6 @@ def reason(error: zenoh.ZError) -> str:
     return inner[1] if inner else text
 
 
-def _credentials(settings: config.Publish) -> Credentials | None:
-    """Those of [publish.tls], checked. Raises EchogridError."""
-    if settings.tls is None:
-        return None
-    credentials = Credentials.of(settings.tls)
-    try:
-        credentials.check()
-    except EchogridError as error:
-        raise EchogridError(f"publish.tls: {error}") from error
-    return credentials
-
-
 def _refused(settings: config.Publish, error: BaseException) -> str:
     """One sentence about the endpoint that is to blame: each is tried alone, for Zenoh does not always say which it was."""
     if memory := re.search("POSIX shm segment: (OS error [0-9]+)", str(error)):
@@ -184,7 +172,7 @@ def _refused(settings: config.Publish, error: BaseException) -> str:
         for endpoint in endpoints:
             alone = [(endpoint,) if name == side else () for side in ("listen", "connect")]
             try:
-                with zenoh.open(session_config(*alone, sends=False, credentials=_credentials(settings))):
+                with zenoh.open(session_config(*alone, sends=False, credentials=checked(settings))):
                     pass
             except zenoh.ZError as own:
                 what = reason(own)
