@@ -3,12 +3,14 @@
 python examples/nearest_obstacle.py [ENDPOINT]     beside `echogrid replay DRIVE --publish`, or a service in a car
 """
 
+import argparse
 import sys
 from contextlib import suppress
 
 import numpy as np
 
 from echogrid.client import Client, Pose, Window, vehicles
+from echogrid.errors import EchogridError
 
 OCCUPIED = 50  # percent, from which a cell is called so
 HALF_WIDTH = 1.0  # m to both sides of the car's middle
@@ -40,5 +42,10 @@ def main(endpoint: str) -> None:
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("endpoint", nargs="?", default="tcp/127.0.0.1:7447", help="where the service listens")
     with suppress(KeyboardInterrupt):  # Ctrl-C ends it
-        main(*sys.argv[1:] or ["tcp/127.0.0.1:7447"])
+        try:
+            main(parser.parse_args().endpoint)
+        except EchogridError as error:  # is a sentence for who typed the endpoint
+            sys.exit(str(error))

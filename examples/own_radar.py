@@ -3,6 +3,8 @@
 python examples/own_radar.py     with owl/owl.dbc, owl/owl.toml (the profile) and owl/echogrid.toml beside it: put yours in their place
 """
 
+import argparse
+import sys
 from pathlib import Path
 
 import can
@@ -12,6 +14,7 @@ import numpy as np
 from echogrid.can.signals import SignalReader
 from echogrid.config.loading import load_config
 from echogrid.core.health import Health
+from echogrid.errors import EchogridError
 
 OWL = Path(__file__).parent / "owl"
 # Three things: ahead to the left and coming closer, to the right and going away, straight ahead and standing.
@@ -38,12 +41,19 @@ def frames() -> list[can.Message]:
 def main() -> None:
     source = OWL / "echogrid.toml"
     reader = SignalReader(load_config(source), source, Health())
-    (scan,) = [item for message in frames() for item in reader.add("can0", message)]
+    scans = [item for message in frames() for item in reader.add("can0", message)]
+    if len(scans) != 1:
+        sys.exit(f"{len(scans)} scans came of the cycle, expected one: does the profile say how it begins and ends?")
     for name, meant in {"range": RANGE, "azimuth": AZIMUTH, "range_rate": RANGE_RATE}.items():
-        read = getattr(scan, name)
+        read = getattr(scans[0], name)
         print(f"{name}: meant {np.round(meant, 2)}, read {np.round(read, 2)}")
-        assert np.allclose(read, meant, atol=0.01), f"{name}: are its unit and sign right in the profile?"
+        if len(read) != len(meant) or not np.allclose(read, meant, atol=0.01):
+            sys.exit(f"{name}: are its unit and sign right in the profile?")
 
 
 if __name__ == "__main__":
-    main()
+    argparse.ArgumentParser(description=__doc__).parse_args()  # there is nothing to be given
+    try:
+        main()
+    except EchogridError as error:  # names the file and the key that are wrong in it
+        sys.exit(str(error))

@@ -3,11 +3,13 @@
 python examples/watch_state.py [ENDPOINT]     beside `echogrid replay DRIVE --publish`, or a service in a car
 """
 
+import argparse
 import sys
 import time
 from contextlib import suppress
 
 from echogrid.client import Client, vehicles
+from echogrid.errors import EchogridError
 
 OLDEST = 0.5  # s without a new map or status after which nothing is certain, whatever was said before
 STATUS_EVERY = 2.5  # s: it comes once a second
@@ -46,5 +48,10 @@ def main(endpoint: str) -> None:
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("endpoint", nargs="?", default="tcp/127.0.0.1:7447", help="where the service listens")
     with suppress(KeyboardInterrupt):  # Ctrl-C ends it
-        main(*sys.argv[1:] or ["tcp/127.0.0.1:7447"])
+        try:
+            main(parser.parse_args().endpoint)
+        except EchogridError as error:  # is a sentence for who typed the endpoint
+            sys.exit(str(error))

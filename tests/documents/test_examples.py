@@ -137,6 +137,52 @@ def test_a_subscriber_ends_at_ctrl_c_without_a_word(name: str, monkeypatch: pyte
     assert capsys.readouterr() == ("", "")
 
 
+ENDPOINTS = ("tcp", "foo/127.0.0.1:1", "tcp/127.0.0.1:99999", "tls/127.0.0.1:7447")
+RECORDINGS = {  # what is typed, and how the sentence begins
+    ("none",): "none: ",
+    ("can.log",): "can.log: a log needs a configuration",
+    ("can.log", "-c", "none.toml"): "none.toml: ",
+    ("can.log", "-c", "wrong.toml"): "wrong.toml: line 2: ",
+    ("can.log", "-c", str(DEMO / "echogrid.toml")): "can.log: no map came of it",
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "begin"),
+    [
+        *((name, (one,), "endpoint: ") for name in ("nearest_obstacle", "watch_state") for one in ENDPOINTS),
+        *(("map_of_a_recording", given, begin) for given, begin in RECORDINGS.items()),
+    ],
+)
+def test_what_was_typed_wrong_is_one_sentence_that_names_it(
+    name: str, given: tuple[str, ...], begin: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "can.log").write_text("(1.000000) can0 7FF#00\n")
+    (tmp_path / "wrong.toml").write_text("[[bus]]\n[bus]\n")
+    monkeypatch.setattr(sys, "argv", [f"{name}.py", *given])
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
+    said = ended.value.code
+    assert isinstance(said, str)  # Python prints it and exits with 1
+    assert said.startswith(begin)
+    assert given[0] in said or "-c" in given
+    assert "\n" not in said
+    assert capsys.readouterr().out == ""
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["can.log", "wrong.toml"]
+
+
+@pytest.mark.parametrize("name", ["nearest_obstacle", "watch_state", "map_of_a_recording", "own_radar"])
+def test_arguments_that_there_are_not_end_with_the_usage(
+    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", [f"{name}.py", "one", "more"])
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.startswith(f"usage: {name}.py [-h]")
+
+
 def test_nothing_is_acted_on_that_is_old_or_not_trusted() -> None:
     trust = example("watch_state").Trust()
     assert trust.verdict(0.0)[0] == "stop"
@@ -177,15 +223,23 @@ def test_a_recording_becomes_arrays(beginning: Path, tmp_path: Path) -> None:
         assert np.isnan(ours["probability"][~known]).all()
 
 
-def test_a_profile_is_tried_and_a_wrong_sign_is_seen(tmp_path: Path) -> None:
+def test_a_profile_is_tried_and_what_is_wrong_with_it_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert [line.split(":")[0] for line in told(begun(tmp_path, EXAMPLES / "own_radar.py"))] == ["range", "azimuth", "range_rate"]
     shutil.copytree(EXAMPLES / "owl", tmp_path / "owl")
     shutil.copy(EXAMPLES / "own_radar.py", tmp_path)
     profile = tmp_path / "owl" / "owl.toml"
-    profile.write_text(profile.read_text().replace('unit = "deg", sign = -1', 'unit = "deg"'))
-    wrong = begun(tmp_path, "own_radar.py")
-    assert "azimuth: are its unit and sign right" in wrong.communicate(timeout=PATIENCE)[1]
-    assert wrong.returncode == 1
+    right = profile.read_text()
+    monkeypatch.setattr(sys, "argv", ["own_radar.py"])
+    for change, said in (
+        (('unit = "deg", sign = -1', 'unit = "deg"'), "azimuth: are its unit and sign right in the profile?"),
+        (("per_frame = 2", "per_frame = 1"), "0 scans came of the cycle, expected one: does the profile say how it begins and ends?"),
+        (('"OwlHeader"', '"OwlHead"'), f"header.message: {profile.with_name('owl.dbc')} has no message 'OwlHead'"),
+    ):
+        profile.write_text(right.replace(*change))
+        with pytest.raises(SystemExit) as ended:
+            runpy.run_path(str(tmp_path / "own_radar.py"), run_name="__main__")
+        assert str(ended.value.code).endswith(said)
+        assert "\n" not in str(ended.value.code)
 
 
 def test_the_profile_in_the_document_is_that_of_the_example() -> None:
