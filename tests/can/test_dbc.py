@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import math
 import re
@@ -17,14 +18,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.support.places import DBC
 
-from echogrid.can import dbc_file, foreign_database
+from echogrid.can import dbc, dbc_file, foreign_database
 from echogrid.can.database import Database
 from echogrid.can.dbc import Dbc
 from echogrid.can.decode import BatchDecoder, stack
 from echogrid.can.motion import MotionReader
-from echogrid.can.profile import load_motion
+from echogrid.can.profile import find, load_motion, load_radar
+from echogrid.can.radar import RadarReader
 from echogrid.config.tables import Motion
-from echogrid.core.health import Health
+from echogrid.core.health import Health, SensorHealth
 from echogrid.errors import EchogridError
 
 MOTION = (DBC / "vehicle_motion.dbc").read_text()
@@ -371,3 +373,17 @@ def test_a_database_that_lacks_what_is_needed_says_what(tmp_path: Path) -> None:
     path.write_text(KCD)
     with pytest.raises(EchogridError, match=r"wheel_speeds.message: .*some.kcd has no message 'WheelSpeedsRear'"):
         MotionReader(load_motion(DBC / "vehicle_motion.toml"), Dbc(path, DBC / "vehicle_motion.toml"), Motion(bus="can0"), Health())
+
+
+def test_who_reads_frames_keeps_nothing_of_the_file_but_what_is_read(tmp_path: Path) -> None:
+    """A car's own database has thousands of messages, and the service a budget of memory."""
+    names = ("vehicle_motion", "corner_radar")
+    mine = [Dbc(DBC / f"{name}.dbc", find(name, tmp_path)) for name in names]
+    motion, radar = (load(find(name, tmp_path)) for load, name in zip((load_motion, load_radar), names, strict=True))
+    readers = (MotionReader(motion, mine[0], Motion(bus="can0"), Health()), RadarReader("front", radar, mine[1], 0, SensorHealth()))
+    files = [one.database for one in mine]
+    dbc.forget()
+    mine.clear()
+    gc.collect()
+    assert [one for file in files for one in gc.get_referrers(file) if one is not files] == []
+    assert all(reader.ids for reader in readers)

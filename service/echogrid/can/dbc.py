@@ -153,6 +153,11 @@ def _overlap(one: Ranges, other: Ranges) -> bool:
     return any(a <= d and c <= b for a, b in one for c, d in other)
 
 
+def forget() -> None:
+    """Lets go of all files that were read: a car's own database takes tens of MiB, of which its readers keep a few messages."""
+    _load.cache_clear()
+
+
 @lru_cache(maxsize=8)  # several radars share a file, and what it leaves out is said once
 def _load(path: Path, data: bytes) -> Database:
     if path.suffix.lower() in FOREIGN:

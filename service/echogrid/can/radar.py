@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import can
@@ -51,7 +52,7 @@ class RadarReader:
         self.roles = layout.roles(id_offset)
         self.cadence = Cadence(layout.cycle.length) if layout.cycle is not None else None
         self.rule = AssemblyRule(
-            ends_with_message=layout.ends_with is not None,
+            ends_with_message=layout.end_message is not None,
             has_header=profile.header is not None,
             frames=profile.frames,
             cycle_bits=profile.detections.cycle_bits,
@@ -63,12 +64,16 @@ class RadarReader:
             counts=tuple(map(place_of, layout.counts)),
             most=profile.max_detections,
             bytes=layout.messages[0].length,
-            header_bytes=layout.header_length,
+            header_bytes=0 if layout.header_message is None else layout.header_message.length,
             **layout.plans(),
             **layout.summing(),
         )
         self._sum = None if layout.cycle_crc is None else layout.cycle_crc.compute
-        self._alone = Alone(self)
+
+    @cached_property
+    def _alone(self) -> Alone:
+        """Made where frames come one by one: the service has one `Assembly` for all radars, and no need of others."""
+        return Alone(self)
 
     @property
     def ids(self) -> set[FrameId]:
@@ -201,14 +206,13 @@ def _polar(values: dict[str, Floats]) -> Floats:
 
 
 class _Layout:
-    """A radar profile resolved against its DBC: which signal of which message is what."""
+    """A radar profile resolved against its DBC: which signal of which message is what. Of the DBC it keeps these messages alone: a car's
+    own can have thousands."""
 
     def __init__(self, profile: RadarProfile, dbc: Dbc) -> None:
-        self.profile = profile
-        self.dbc = dbc
         header, detections = profile.header, profile.detections
         self.messages = [dbc.message(name, "detections.messages") for name in _message_names(detections, dbc)]
-        first = self.messages[0]
+        first, first_n = self.messages[0], detections.n[0] if detections.n else 0
         quantities = {
             name: quantity
             for name in ("range", "azimuth", "range_rate", "x", "y", "vx", "vy", "rcs")
@@ -222,28 +226,31 @@ class _Layout:
             valid=detections.valid,
             per_frame=detections.per_frame,
             first_k=detections.first_k,
-            first_n=detections.n[0] if detections.n else 0,
+            first_n=first_n,
         )
-        self.page = self._integer(detections.page, "detections.page")
-        self.detections_cycle = self._integer(detections.cycle, "detections.cycle")
+
+        def name(template: str) -> str:  # of a signal in the first message: all are laid out alike
+            return fill(template, "detections", dbc, n=first_n)
+
+        page, cycle, crc = detections.page, detections.cycle, detections.crc
+        self.page = dbc.integer(first, name(page), "detections.page") if page else None
+        self.detections_cycle = dbc.integer(first, name(cycle), "detections.cycle") if cycle else None
         self.frame_crc: Checksum | None = None
-        if detections.crc is not None:
-            crc = detections.crc
-            self.frame_crc = dbc.checksum(first, self._first(crc.signal), crc.algorithm, "detections.crc", crc.data_ids)
+        if crc is not None:
+            self.frame_crc = dbc.checksum(first, name(crc.signal), crc.algorithm, "detections.crc", crc.data_ids)
         self.counts = []
         self.cycle: SignalLayout | None = None
-        self.header_length = 0
         self.header_values: QuantityReader | None = None  # of the age too, where the header has it
         self.age: QuantityReader | None = None
+        self.header_message: Message | None = None
         self.age_message: Message | None = None
         self.cycle_crc: Checksum | None = None
         self.crc_in_header = False
-        self.ends_with = profile.ends_with
+        ends_with = profile.ends_with
         if header is not None:
-            message = dbc.message(header.message, "header.message")
+            self.header_message = message = dbc.message(header.message, "header.message")
             self.counts = [dbc.integer(message, name, "header.count") for name in header.count]
             self.cycle = dbc.integer(message, header.cycle, "header.cycle") if header.cycle else None
-            self.header_length = message.length
             names = ("ambiguity", "blockage") if header.age_message else ("ambiguity", "blockage", "age")
             values = {name: q for name in names if (q := getattr(header, name)) is not None}
             self.header_values = QuantityReader(dbc, [message], values, "header") if values else None
@@ -255,7 +262,8 @@ class _Layout:
             self.cycle_crc = dbc.checksum(carrier, profile.crc.signal, profile.crc.algorithm, "crc")
             self.crc_in_header = header is not None and profile.crc.message == header.message
             if not self.crc_in_header:
-                self.ends_with = profile.crc.message
+                ends_with = profile.crc.message
+        self.end_message = dbc.message(ends_with, "ends_with") if ends_with else None
 
     def plans(self) -> dict[str, Any]:
         """For an AssemblyRule; none where the loops cannot read all that there is to read."""
@@ -276,26 +284,14 @@ class _Layout:
             return {"summed": FrameKind.END, "sum": place_of(crc.layout)}
         return {"summed": FrameKind.HEADER, "sum": place_of(crc.layout), "sum_bytes": crc.place}
 
-    def _integer(self, template: str | None, key: str) -> SignalLayout | None:
-        return None if template is None else self.dbc.integer(self.messages[0], self._first(template), key)
-
-    def _first(self, template: str) -> str:
-        """A signal's name in the first detection message: all are laid out alike, so its layout serves for all."""
-        detections = self.profile.detections
-        return fill(template, "detections", self.dbc, n=detections.n[0] if detections.n else 0)
-
     def roles(self, id_offset: int) -> dict[FrameId, FrameRole]:
         """What each id's frames are, with this radar's offset on the DBC's ids."""
-        header = self.profile.header
         roles: dict[FrameId, FrameRole] = {}
-        end = self.dbc.message(self.ends_with, "ends_with") if self.ends_with else None
+        end = self.end_message
         named: list[tuple[FrameKind, Message, int | None]] = []
-        if end is not None:
-            named.append((FrameKind.END, end, None))
-        if self.age_message is not None:
-            named.append((FrameKind.AGE, self.age_message, None))
-        if header is not None:
-            named.append((FrameKind.HEADER, self.dbc.message(header.message, "header.message"), None))
+        for kind, one in ((FrameKind.END, end), (FrameKind.AGE, self.age_message), (FrameKind.HEADER, self.header_message)):
+            if one is not None:
+                named.append((kind, one, None))
         for number, message in enumerate(self.messages):
             named.append((FrameKind.DETECTIONS, message, number if len(self.messages) > 1 else None))
         for kind, message, slot in named:  # a detection message or the header may end the cycle as well: the later role counts

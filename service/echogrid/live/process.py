@@ -7,6 +7,8 @@ import gc
 import sys
 from typing import Any
 
+from echogrid.can import dbc
+
 SWITCH = 0.0005  # s: after so long a thread gives way to one that waits; Python's own 5 ms would be longer than a map update
 M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8  # of malloc.h
 OF_ITS_OWN = 512 << 10  # bytes from which on a piece of memory goes back as soon as it is not needed
@@ -24,6 +26,7 @@ def begin() -> None:
 def settle() -> None:
     """Once the model is chosen, before the service runs: what the start took goes back, and threads wait less for each other."""
     sys.setswitchinterval(SWITCH)
+    dbc.forget()
     gc.collect()
     gc.freeze()  # what is there now stays: it need not be looked through again
     give_back = _of_the_c_library("malloc_trim")
