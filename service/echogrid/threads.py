@@ -11,7 +11,8 @@ WAIT = 0.1  # s: a thread looks this often whether it is to end
 
 
 class Workers:
-    """Threads that run until `stop` is set. What one of them raises is kept in `failure` and sets `stop`: none continues without it."""
+    """Threads that run until `stop` is set. What the first of them that fails raises is kept in `failure`, and `stop` is set: none continues
+    without it."""
 
     def __init__(self) -> None:
         self.stop = threading.Event()
@@ -27,8 +28,8 @@ class Workers:
             self._wakes.append(wake)
 
     def fail(self, error: Exception) -> None:
-        """Ends all, for this reason."""
-        self.failure = error
+        """Ends all, for this reason, if there was none before: what fails while all end is mostly a consequence."""
+        self.failure = self.failure or error
         self.stop.set()
 
     def __enter__(self) -> Self:

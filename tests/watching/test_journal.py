@@ -7,6 +7,7 @@ import os
 import socket
 import subprocess
 import sys
+import threading
 from logging.handlers import SysLogHandler
 
 import pytest
@@ -132,3 +133,26 @@ def test_messages_that_are_all_different_do_not_fill_the_memory() -> None:
         assert logged(limit, f"frame {n}") == f"frame {n}"
     assert logged(limit, "frame 9999") is None  # the newest are remembered, the oldest not
     assert logged(limit, "frame 0") == "frame 0"
+
+
+def test_many_threads_may_say_different_things_at_once() -> None:
+    """Logging holds no lock while it asks a filter; without one of its own this fails now and then."""
+    limit, failed, usual = RepeatFilter(60.0, Clock()), list[Exception](), sys.getswitchinterval()
+
+    def talk(name: int) -> None:
+        try:
+            for number in range(5000):
+                logged(limit, f"{name} says {number}")
+        except Exception as error:
+            failed.append(error)
+
+    sys.setswitchinterval(1e-6)
+    try:
+        threads = [threading.Thread(target=talk, args=(name,)) for name in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        sys.setswitchinterval(usual)
+    assert failed == []

@@ -28,7 +28,7 @@ def run(config_path: Path, model: str | None = None, record: Path | None = None,
     service = Service(Pipeline(load_config(config_path, model), config_path), record=record, foxglove=foxglove)
     notifier = service.manager.notifier
 
-    def reload() -> None:  # in the mapping's thread, between two frames
+    def reload() -> None:  # in the mapping's thread, wherever that is: it may hold its lock, so nothing here waits for it
         notifier.reloading()
         try:
             service.reload(load_config(config_path, model))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -66,8 +67,13 @@ class RepeatFilter(logging.Filter):
         self.period = period
         self.clock = clock
         self._kinds: dict[tuple[str, int, str, str], _Kind] = {}
+        self._lock = threading.RLock()  # a handler's own is not held yet; a signal's handler may log within
 
     def filter(self, record: logging.LogRecord) -> bool:
+        with self._lock:
+            return self._passes(record)
+
+    def _passes(self, record: logging.LogRecord) -> bool:
         about = str(record.args[0]) if isinstance(record.args, tuple) and record.args else ""
         key, now = (record.name, record.levelno, str(record.msg), about), self.clock()
         kind = self._kinds.get(key)
