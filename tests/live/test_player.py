@@ -10,6 +10,8 @@ from typing import Any, cast
 
 import can
 
+from echogrid.can.bus import LiveBus, wait
+from echogrid.can.intake.frames import Frame, FrameBatch
 from echogrid.config.tables import Bus
 from echogrid.live.pace import Pace
 from echogrid.live.player import APART, Player
@@ -49,3 +51,28 @@ def test_a_bus_that_is_read_slowly_is_not_left_behind(tmp_path: Path) -> None:
     assert len(came) == len(frames)
     behind = max(max(came[: n + 1]) - at for n, at in enumerate(came))
     assert behind <= APART + step + 1e-6
+
+
+def test_a_frame_that_announces_more_than_it_has_comes_as_short_as_it_is() -> None:
+    """As a file may have it: a bus would count it as torn, and the player wait for it for ever."""
+    short = Frame(1.0, 0x100, False, False, False, "player-c", 8, b"\x01")
+    asked = Frame(2.0, 0x100, False, True, False, "player-c", 8, b"")
+    bus = Bus(name="player-c", channel="player-c", interface="virtual")
+    health, stop, opened = SimpleNamespace(frames=0), threading.Event(), LiveBus(bus, [(0x100, False)])
+    pipeline = SimpleNamespace(signals=SimpleNamespace(readers={("player-c", (0x100, False))}), health=health)
+    service: Any = SimpleNamespace(
+        live=threading.Event(), config=SimpleNamespace(bus=(bus,)), pipeline=pipeline, receiving=SimpleNamespace(pace=Pace())
+    )
+    service.live.set()
+    log: Any = SimpleNamespace(batches=lambda: iter([FrameBatch.of([short, asked])]))
+    player = threading.Thread(target=Player(cast(Service, service), log).run, args=(stop,))
+    player.start()
+    came = list[tuple[int, bytes]]()
+    while not stop.is_set():
+        wait([opened], 0.05)
+        for message in opened.take() or ():
+            came.append((message.dlc, bytes(message.data)))
+            health.frames += 1
+    player.join()
+    opened.close()
+    assert (came, opened.health.errors) == ([(1, b"\x01"), (8, b"")], 0)

@@ -83,6 +83,8 @@ class Player:
                     level = message.timestamp
                 if stop.is_set():
                     return
+                if not message.is_remote_frame:
+                    message.dlc = len(message.data)  # no bus carries a frame that announces more, as files may have it
                 buses[str(bus)].send(message)
                 self.sent += 1
                 self._wait_for(self.sent - AHEAD_FRAMES, stop)
