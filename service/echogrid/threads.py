@@ -11,8 +11,8 @@ WAIT = 0.1  # s: a thread looks this often whether it is to end
 
 
 class Workers:
-    """Threads that run until `stop` is set. What the first of them that fails raises is kept in `failure`, and `stop` is set: none continues
-    without it."""
+    """Threads that run until `stop` is set. What the first that fails raises is kept in `failure` and sets `stop`: none continues without
+    it."""
 
     def __init__(self) -> None:
         self.stop = threading.Event()
