@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from echogrid.judging.traffic import FrameId, Heard, Moved, Owner, judge_traffic
+from echogrid.can.database import FrameId
+from echogrid.judging.traffic import Heard, Moved, Owner, judge_traffic
 
 BUS = {"can0": ("can0",)}
 

@@ -19,10 +19,10 @@ import numpy as np
 from can.interfaces.socketcan import SocketcanBus
 from numpy.typing import NDArray
 
+from echogrid.can.database import FrameId
 from echogrid.can.intake.frames import ERROR, FrameBatch
 from echogrid.can.intake.socketcan import Inbox
 from echogrid.can.intake.watched import Watched
-from echogrid.can.radar import FrameId
 from echogrid.config.tables import Bus
 from echogrid.errors import EchogridError
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+FrameId = tuple[int, bool]  # arbitration id, extended
 Ranges = tuple[tuple[int, int], ...]  # first and last of each
 
 
@@ -40,6 +41,11 @@ class Message:
     signals: tuple[Signal, ...]
     fault: str | None = None
     unread: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def id(self) -> FrameId:
+        """Of its frames."""
+        return self.frame_id, self.is_extended_frame
 
     def named(self, name: str) -> list[Signal]:
         """The signals of that name: none, one, or one in each of several branches."""

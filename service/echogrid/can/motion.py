@@ -9,7 +9,7 @@ import can
 import numpy as np
 
 from echogrid.can.cadence import JUMP, Cadence
-from echogrid.can.database import Message
+from echogrid.can.database import FrameId, Message
 from echogrid.can.dbc import Checksum, Dbc
 from echogrid.can.decode import Payloads, SignalLayout, stack
 from echogrid.can.profile import FrameCrc, MotionProfile
@@ -20,7 +20,6 @@ from echogrid.core.kernels.plans import Plan
 from echogrid.core.messages import EgoMotion, Floats, Speed, YawRate
 from echogrid.errors import EchogridError
 
-FrameId = tuple[int, bool]
 REAR = ("rear_left", "rear_right")
 CATCH_UP_NS = 250_000_000  # after a jump of time, for frames that waited
 
@@ -48,7 +47,7 @@ class MotionReader:
         rear = dict(zip(REAR, (wheels.rear_left, wheels.rear_right), strict=True))
         self.wheels = QuantityReader(dbc, [wheel_message], rear, "wheel_speeds")
         self.yaw_rate = QuantityReader(dbc, [yaw_message], {"yaw_rate": yaw.yaw_rate}, "yaw_rate")
-        self.wheel_id, self.yaw_id = id_of(wheel_message), id_of(yaw_message)
+        self.wheel_id, self.yaw_id = wheel_message.id, yaw_message.id
         self.checks = {
             self.wheel_id: FrameCheck(dbc, wheel_message, wheels.counter, wheels.crc, "wheel_speeds"),
             self.yaw_id: FrameCheck(dbc, yaw_message, yaw.counter, yaw.crc, "yaw_rate"),
@@ -58,7 +57,7 @@ class MotionReader:
         if profile.direction is not None:
             message = dbc.message(profile.direction.message, "direction.message")
             self.direction = dbc.integer(message, profile.direction.signal, "direction.signal")
-            self.direction_id = id_of(message)
+            self.direction_id = message.id
             self.checks.setdefault(self.direction_id, FrameCheck(dbc, message, None, None, "direction"))
         self.reverse = False
 
@@ -172,7 +171,3 @@ class FrameCheck:
             return None
         self._jumped = None
         return caught_up
-
-
-def id_of(message: Message) -> FrameId:
-    return message.frame_id, message.is_extended_frame

@@ -6,9 +6,10 @@ import math
 
 import can
 
+from echogrid.can.database import FrameId
 from echogrid.can.dbc import Dbc
 from echogrid.can.decode import stack
-from echogrid.can.motion import FrameCheck, FrameId, id_of
+from echogrid.can.motion import FrameCheck
 from echogrid.can.profile import PoseProfile
 from echogrid.can.quantity import QuantityReader
 from echogrid.config.tables import Pose
@@ -37,7 +38,7 @@ class PoseReader:
         self.plane = None if config.origin is None else TangentPlane(*map(math.radians, config.origin))
         place_message = dbc.message(place.message, "place.message")
         heading_message = place_message if heading.message is None else dbc.message(heading.message, "heading.message")
-        self.place_id, self.heading_id = id_of(place_message), id_of(heading_message)
+        self.place_id, self.heading_id = place_message.id, heading_message.id
         self.place = QuantityReader(dbc, [place_message], place.quantities, "place")
         self.heading = QuantityReader(dbc, [heading_message], {"yaw": heading.yaw}, "heading")
         self.place_latency_ns = round((place.latency_ms + config.latency_ms) * 1e6)

@@ -11,7 +11,7 @@ import can
 import numpy as np
 
 from echogrid.can.cadence import Cadence
-from echogrid.can.database import Message
+from echogrid.can.database import FrameId, Message
 from echogrid.can.dbc import Checksum, Dbc
 from echogrid.can.decode import SignalLayout, place_of
 from echogrid.can.profile import Detections, RadarProfile
@@ -35,8 +35,6 @@ from echogrid.core.radar.scan import (
     known_row,
 )
 from echogrid.errors import EchogridError
-
-FrameId = tuple[int, bool]  # arbitration id, extended
 
 
 class RadarReader:

@@ -12,6 +12,7 @@ import can
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.can.database import FrameId
 from echogrid.can.dbc import Dbc
 from echogrid.can.intake.frames import FrameBatch
 from echogrid.can.intake.table import UNKNOWN_BUS, Intake, Integers, Item, Reader, Table
@@ -19,7 +20,7 @@ from echogrid.can.intake.traffic_time import TrafficTime
 from echogrid.can.motion import MotionReader
 from echogrid.can.pose import PoseReader
 from echogrid.can.profile import MotionProfile, PoseProfile, RadarProfile, find, load_motion, load_pose, load_radar
-from echogrid.can.radar import FrameId, RadarReader
+from echogrid.can.radar import RadarReader
 from echogrid.config.tables import Bus, Config
 from echogrid.core.health import Health, SensorHealth
 from echogrid.core.kernels.scans import NEVER

@@ -7,10 +7,11 @@ from collections import Counter
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.can.database import FrameId
 from echogrid.can.intake.frames import ERROR, EXTENDED, FrameBatch
 from echogrid.can.intake.table import UNKNOWN_BUS
 from echogrid.can.motion import MotionReader
-from echogrid.can.radar import FrameId, RadarReader
+from echogrid.can.radar import RadarReader
 from echogrid.can.signals import SignalReader
 from echogrid.config.tables import Config
 from echogrid.logs.formats.times import Times

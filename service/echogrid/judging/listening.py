@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.can.database import FrameId
 from echogrid.can.intake.frames import ERROR, EXTENDED, FrameBatch
 from echogrid.can.intake.table import UNKNOWN_BUS
 from echogrid.can.motion import MotionReader
@@ -29,7 +30,7 @@ from echogrid.judging.on_the_way import bias_on_the_way
 from echogrid.judging.recorded import NS, Recorded, collect
 from echogrid.judging.refining import standing_bias
 from echogrid.judging.small_errors import NEEDS_STOP, STANDING, about_bias
-from echogrid.judging.traffic import FrameId, Moved, Owner, judge_traffic
+from echogrid.judging.traffic import Moved, Owner, judge_traffic
 
 SHORT = 0.5  # share of an owner's frames that are shorter than the DBC says, from which on it is the DBC
 MOST_INVALID = 0.9  # share of the places, from which on latitude and longitude may be swapped

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from echogrid.can.database import FrameId
 from echogrid.judging.finding import Finding
 
-FrameId = tuple[int, bool]  # arbitration id, extended
 Heard = Mapping[tuple[str, FrameId], int]  # frames by channel, as the recording names it, and id
 FAR = 0x800  # an offset is looked for no farther
 FEW = 3  # frames: fewer are strays

@@ -9,10 +9,10 @@ from itertools import pairwise
 
 import can
 
-from echogrid.can.database import Message, Signal
+from echogrid.can.database import FrameId, Message, Signal
 from echogrid.surveying.counting import SURE, checksum_of, counter_of, integers, raw, sums
 from echogrid.surveying.groups import Group
-from echogrid.surveying.heard import Channel, FrameId
+from echogrid.surveying.heard import Channel
 from echogrid.surveying.words import is_count, tokens
 
 AGREES = 0.7  # share of the cycles that must be as said; frames get lost

@@ -9,7 +9,8 @@ from operator import itemgetter
 
 import can
 
-FrameId = tuple[int, bool]  # arbitration id, extended
+from echogrid.can.database import FrameId
+
 MOST_FRAMES = 300_000  # of each channel that are kept, the first ones; all are counted
 ALONE = 3  # frames of an id: fewer are strays
 

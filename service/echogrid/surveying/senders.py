@@ -8,11 +8,11 @@ from pathlib import Path
 
 import msgspec
 
-from echogrid.can.database import Database, Message
+from echogrid.can.database import Database, FrameId, Message
 from echogrid.can.dbc import Dbc
 from echogrid.can.motion import MotionReader
 from echogrid.can.profile import MotionProfile, RadarProfile, load_motion, load_radar, shipped
-from echogrid.can.radar import FrameId, RadarReader
+from echogrid.can.radar import RadarReader
 from echogrid.config.tables import Motion
 from echogrid.core.health import Health, SensorHealth
 from echogrid.core.messages import EgoMotion, RadarScan

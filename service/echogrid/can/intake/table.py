@@ -9,10 +9,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.can.database import FrameId
 from echogrid.can.decode import place_of
 from echogrid.can.intake.checks import Sums
 from echogrid.can.intake.frames import FrameBatch
-from echogrid.can.motion import FrameId, MotionReader
+from echogrid.can.motion import MotionReader
 from echogrid.can.pose import PoseReader
 from echogrid.can.radar import RadarReader
 from echogrid.core.kernels.dispatch import loops
