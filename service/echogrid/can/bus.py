@@ -107,7 +107,7 @@ class LiveBus:
         return batch if len(batch) else None
 
     def bring_back(self) -> None:
-        """Opens it again, where it was lost and it is time to try."""
+        """Closes it, which may wait for its driver, and opens it again, where it was lost and it is time to try."""
         if self._source is not None or time.monotonic() < self._retry_at:
             return
         self.close()

@@ -39,7 +39,8 @@ class TrafficTime:
     @property
     def waiting_ns(self) -> int:
         """For how long frames have come that disagree."""
-        return 0 if self._run_ns is None else self._run_ns[1] - self._run_ns[0]
+        run_ns = self._run_ns  # read once: another thread may be asking
+        return 0 if run_ns is None else run_ns[1] - run_ns[0]
 
     def advance(self, newest_ns: int) -> None:
         """To the time of the newest of frames none of which was off by more than a step."""

@@ -61,7 +61,8 @@ class MapFrame:
     @property
     def map_from_odom(self) -> SE2 | None:
         """None before the first pose in a map. Yaw within [-pi, pi]."""
-        return None if self._last is None else self._last.map_from_odom
+        last = self._last  # read once: another thread may be asking while `restart` takes it away
+        return None if last is None else last.map_from_odom
 
     def add(self, fix: PoseFix) -> None:
         """A pose, in whatever order."""
@@ -84,11 +85,12 @@ class MapFrame:
 
     def state(self, now_ns: int) -> tuple[str, str]:
         """`ok`, `waiting` for the first pose, `jumping` or `silent`; and why, where it is not ok."""
-        if self._last is None:
+        last, other = self._last, self._other
+        if last is None:
             return "waiting", f"none in this map so far{self._why()}"
-        if self._other is not None and now_ns - self._other.stamp_ns <= SILENT_NS:
+        if other is not None and now_ns - other.stamp_ns <= SILENT_NS:
             return "jumping", f"{self._off:.1f} m off dead reckoning"
-        age_ns = now_ns - self._last.stamp_ns
+        age_ns = now_ns - last.stamp_ns
         return ("silent", f"none for {age_ns * NS:.1f} s{self._why()}") if age_ns > SILENT_NS else ("ok", "")
 
     def _why(self) -> str:

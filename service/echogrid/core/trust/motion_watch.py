@@ -91,24 +91,24 @@ class SampleWatch:
     @property
     def jumped(self) -> bool:
         """Whether the newest sample was implausible."""
-        return self.implausible_ns is not None and (self.last_ns is None or self.implausible_ns > self.last_ns)
+        implausible_ns, last_ns = self.implausible_ns, self.last_ns
+        return implausible_ns is not None and (last_ns is None or implausible_ns > last_ns)
 
     def silence(self, now_ns: int) -> str | None:
         """A sentence if there is no good sample, or none any more."""
+        last_ns = self.last_ns  # read once: another thread may be asking while `restart` takes it away
+        if last_ns is not None and now_ns - last_ns <= SILENT_NS:
+            return None
         if self.jumped:
-            return f"{self.name}: jumps to {self.implausible:.1f} {self.unit}" if self._is_silent(now_ns) else None
-        if self.last_ns is None:
-            return f"{self.name}: nothing so far"
-        return f"{self.name}: silent for {(now_ns - self.last_ns) * NS:.1f} s" if self._is_silent(now_ns) else None
+            return f"{self.name}: jumps to {self.implausible:.1f} {self.unit}"
+        return f"{self.name}: nothing so far" if last_ns is None else f"{self.name}: silent for {(now_ns - last_ns) * NS:.1f} s"
 
     def note(self, now_ns: int) -> str | None:
         """A sentence if an implausible sample was left out recently."""
-        if self.implausible_ns is None or now_ns - self.implausible_ns > NOTED_NS:
+        implausible_ns = self.implausible_ns
+        if implausible_ns is None or now_ns - implausible_ns > NOTED_NS:
             return None
         return f"{self.name}: jumps to {self.implausible:.1f} {self.unit}"
-
-    def _is_silent(self, now_ns: int) -> bool:
-        return self.last_ns is None or now_ns - self.last_ns > SILENT_NS
 
     def restart(self) -> None:
         """Forgets all that has a time."""
@@ -180,7 +180,8 @@ class MotionWatch:
     def lost(self, now_ns: int) -> list[str]:
         """Why the car's motion is not known; empty where it is."""
         found = [sentence for watch in (self.speed, self.yaw_rate) if (sentence := watch.silence(now_ns)) is not None]
-        return found or ([] if self.disputed is None else [self.disputed])
+        disputed = self.disputed
+        return found or ([] if disputed is None else [disputed])
 
     def noted(self, now_ns: int) -> list[str]:
         """What was left out recently, though motion is known."""

@@ -144,11 +144,12 @@ class RadarWatch:
 
     def reasons(self, now_ns: int) -> list[str]:
         """Sentences on what is wrong with it; empty where all is well."""
-        if self.heard_ns is None:
+        heard_ns, scarce = self.heard_ns, self.scarce  # read once: another thread may be asking while `restart` takes them away
+        if heard_ns is None:
             return [f"nothing so far{self._losses(self._heard)}"]
-        if now_ns - self.heard_ns > SILENT_NS:
-            return [f"silent for {(now_ns - self.heard_ns) * NS:.1f} s{self._losses(self._heard)}"]
-        return [*self.doubts.values(), *([] if self.scarce is None else [self.scarce])]
+        if now_ns - heard_ns > SILENT_NS:
+            return [f"silent for {(now_ns - heard_ns) * NS:.1f} s{self._losses(self._heard)}"]
+        return [*self.doubts.values(), *([] if scarce is None else [scarce])]
 
     def restart(self) -> None:
         """Forgets all that has a time; what is usual stays."""
