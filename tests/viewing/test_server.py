@@ -277,7 +277,7 @@ def test_the_command_refuses_in_one_sentence(tmp_path: Path) -> None:
         ((tmp_path / "map.egmap",), f"{tmp_path / 'map.egmap'}: there is no such file"),
         ((tmp_path / "drive.mcap",), f"{tmp_path / 'drive.mcap'}: cannot be read"),
         (("--demo", tmp_path), "--demo: found with"),
-        (("--certificate", tmp_path / "a", tmp_path / "b", "--demo"), f"--certificate: {tmp_path / 'a'}: there is no such file"),
+        (("--certificate", tmp_path / "a", tmp_path / "b", "--demo"), f"--certificate: {tmp_path / 'a'}: cannot be read: No such file"),
     ):
         done = echogrid("view", *arguments)
         assert done.returncode == 1

@@ -44,10 +44,10 @@ def command(
         raise EchogridError(f"{config_path}: {error}") from error
     refused = _refused(config, config_path)
     if log is None and seconds is None:
-        if refused is not None:
-            raise EchogridError(refused)
         if fix_out is not None or page is not None:
             raise EchogridError("--fix-out and --report need a LOG or --seconds")
+        if refused is not None:
+            raise EchogridError(refused)
         if as_json:
             print(json.dumps(configured(config, config_path, len(readers)), indent=2))
             return True

@@ -10,6 +10,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from echogrid.errors import EchogridError
+from echogrid.zenoh.credentials import show
 
 LOOPBACK, PORT = "127.0.0.1", 8890
 SHORTEST_TOKEN = 16  # characters
@@ -92,12 +93,9 @@ def _tls(certificate: tuple[Path, Path] | None) -> ssl.SSLContext | None:
         return None
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     try:
-        context.load_cert_chain(*certificate, password="")  # without a word it would ask the terminal for one
-    except FileNotFoundError as error:
-        missing = next((path for path in certificate if not path.is_file()), certificate[0])
-        raise EchogridError(f"--certificate: {missing}: there is no such file") from error
-    except (OSError, ValueError) as error:
-        raise EchogridError(f"--certificate: {certificate[1]} is not an unencrypted PEM key of the certificate {certificate[0]}") from error
+        show(context, *certificate)
+    except EchogridError as error:
+        raise EchogridError(f"--certificate: {error}") from error
     return context
 
 

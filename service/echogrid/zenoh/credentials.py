@@ -27,11 +27,6 @@ class Credentials:
     def check(self) -> None:
         """Raises EchogridError where a file cannot be read or is something else, the key is another's, or the authority does not vouch for
         us now."""
-        for path in (self.ca, self.certificate, self.key):
-            try:
-                path.read_bytes()
-            except OSError as error:
-                raise EchogridError(f"{path}: cannot be read: {error.strerror}") from error
         ends = [self._context(ssl.PROTOCOL_TLS_SERVER), self._context(ssl.PROTOCOL_TLS_CLIENT)]
         try:
             _handshake(*ends)
@@ -57,13 +52,21 @@ class Credentials:
         context = ssl.SSLContext(protocol)
         context.check_hostname = False
         context.verify_mode = ssl.CERT_REQUIRED
-        _load(context, self.ca)
-        _load(ssl.SSLContext(protocol), self.certificate)  # into one that trusts it: only to say which file is none
-        try:
-            context.load_cert_chain(self.certificate, self.key, password="")  # without a word it would ask the terminal for one
-        except (ssl.SSLError, ValueError) as error:
-            raise EchogridError(f"{self.key}: is not an unencrypted PEM key of the certificate {self.certificate}") from error
+        _trust(context, self.ca)
+        show(context, self.certificate, self.key)
         return context
+
+
+def show(context: ssl.SSLContext, certificate: Path, key: Path) -> None:
+    """From now on this is the certificate that we show. Raises EchogridError naming the file that cannot be read, or is another."""
+    _trust(ssl.SSLContext(context.protocol), certificate)  # only to say which of the two it is
+    try:
+        key.read_bytes()
+        context.load_cert_chain(certificate, key, password="")  # without a word it would ask the terminal for one
+    except (ssl.SSLError, ValueError) as error:
+        raise EchogridError(f"{key}: is not an unencrypted PEM key of the certificate {certificate}") from error
+    except OSError as error:
+        raise EchogridError(f"{key}: cannot be read: {error.strerror}") from error
 
 
 def checked(settings: Publish) -> Credentials | None:
@@ -78,11 +81,14 @@ def checked(settings: Publish) -> Credentials | None:
     return credentials
 
 
-def _load(context: ssl.SSLContext, authority: Path) -> None:
+def _trust(context: ssl.SSLContext, certificate: Path) -> None:
     try:
-        context.load_verify_locations(authority)
+        certificate.read_bytes()
+        context.load_verify_locations(certificate)
     except ssl.SSLError as error:
-        raise EchogridError(f"{authority}: holds no certificate in PEM form") from error
+        raise EchogridError(f"{certificate}: holds no certificate in PEM form") from error
+    except OSError as error:
+        raise EchogridError(f"{certificate}: cannot be read: {error.strerror}") from error
 
 
 def _handshake(server: ssl.SSLContext, client: ssl.SSLContext) -> None:
