@@ -54,7 +54,7 @@ class LiveBus:
     is back, by the thread that calls `bring_back`; of all else, one thread does one thing at a time."""
 
     def __init__(self, bus: Bus, ids: list[FrameId]) -> None:
-        """Passes only `ids`, in the kernel where the interface can. Raises EchogridError where it cannot be opened at all."""
+        """Passes only `ids`, all frames where there are none. Raises EchogridError where it cannot be opened at all."""
         self.bus = bus
         self.ids = ids
         self.health = BusHealth()
@@ -191,7 +191,10 @@ def _source(opened: can.BusABC) -> Inbox | Watched:
 
 
 def open_bus(bus: Bus, ids: list[FrameId]) -> can.BusABC:
-    """Opens a bus that passes only the ids that are read (in the kernel where the interface can). Raises EchogridError."""
+    """Opens a bus that passes only these ids, in the kernel where the interface can; all frames where there are none.
+
+    Raises EchogridError.
+    """
     filters = [{"can_id": number, "can_mask": 0x1FFFFFFF if extended else 0x7FF, "extended": extended} for number, extended in ids]
     options: dict[str, Any] = {"interface": bus.interface, "channel": bus.channel, "can_filters": filters, "fd": bus.fd}
     for key in ("bitrate", "data_bitrate"):

@@ -34,7 +34,8 @@ class Watched:
         return self._bell
 
     def take(self, channel: str | int | None) -> FrameBatch | None:
-        """The frames that are there, as of `channel`; None where there are none. Never waits. Raises what the interface raised, once."""
+        """The frames that are there, as of `channel`; None where there are none. Never waits. Raises, once, what the interface raised, and
+        ValueError for what no bus carries."""
         try:
             os.eventfd_read(self._bell)
         except BlockingIOError:
