@@ -90,4 +90,4 @@ def _check(message: can.Message) -> None:
     if not 0 <= number < 1 << bits:
         raise ValueError(f"id {number:#x} found, expected one of {bits} bits")
     if len(message.data) < message.dlc and not message.is_remote_frame:
-        raise ValueError(f"{len(message.data)} bytes of frame {number:#x} found, expected the {message.dlc} that it announces")
+        raise ValueError(f"frame {number:#x} has {len(message.data)} of the {message.dlc} bytes that it announces")
