@@ -9,7 +9,7 @@ import functools
 import struct
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import can
@@ -74,18 +74,35 @@ def _bus() -> Path:
     return _written("bus.toml", (head + radars + "[grid]\ncells = 32\n").encode())
 
 
-# Parsing takes far longer than all the rest, and none of these remembers anything.
-signals.Dbc, signals.load_radar, radar._Layout = map(functools.lru_cache(16), (signals.Dbc, signals.load_radar, radar._Layout))
+PARSED = tuple(map(functools.lru_cache(16), (signals.Dbc, signals.load_radar, radar._Layout)))  # none of these remembers anything
+
+
+@contextmanager
+def _parsed_once() -> Iterator[None]:
+    """Profiles and DBC files, which takes far longer than all the rest; other tests in this process parse theirs anew."""
+    own = signals.Dbc, signals.load_radar, radar._Layout
+    signals.Dbc, signals.load_radar, radar._Layout = PARSED
+    try:
+        yield
+    finally:
+        signals.Dbc, signals.load_radar, radar._Layout = own
+
+
+def _reader() -> SignalReader:
+    with _parsed_once():
+        return SignalReader(CONFIG, PATH, Health())
+
+
 PATH = _bus()
 CONFIG = load_config(PATH)
-IDS = SignalReader(CONFIG, PATH, Health()).ids("can0")
+IDS = _reader().ids("can0")
 
 
 def log(suffix: str) -> Target:
     """A recording of one format, through its reader and the decoding of signals; as many frames are told as are given."""
 
     def run(data: bytes) -> None:
-        reader = SignalReader(CONFIG, PATH, Health())
+        reader = _reader()
         log = Log(_written(f"a{suffix}", data))
         told = 0
         with suppress(EchogridError):
@@ -101,7 +118,8 @@ def log(suffix: str) -> Target:
 
 def frames_on_the_bus(data: bytes) -> None:
     """Frames of the ids that are read, as [id, milliseconds since the last, length, payload] over and over, into a map."""
-    pipeline = Pipeline(CONFIG, PATH)
+    with _parsed_once():
+        pipeline = Pipeline(CONFIG, PATH)
     batch = FrameBatch.of(list(_frames(data)))
     assert all(end <= len(batch) for end, _ in pipeline.take(batch, np.zeros(len(batch), np.int64)))
     pipeline.mapper.end_cycle()
@@ -120,7 +138,7 @@ def _frames(data: bytes) -> Iterator[can.Message]:
 
 def config(data: bytes) -> None:
     """A configuration with all that it names, but for the model."""
-    with suppress(EchogridError):
+    with suppress(EchogridError), _parsed_once():
         path = _written("c.toml", data)
         Pipeline(load_config(path, "analytic"), path)
 
