@@ -10,8 +10,9 @@ from typing import Any
 from echogrid.can import dbc
 
 SWITCH = 0.0005  # s: after so long a thread gives way to one that waits; Python's own 5 ms would be longer than a map update
-M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8  # of malloc.h
-OF_ITS_OWN = 512 << 10  # bytes from which on a piece of memory goes back as soon as it is not needed
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8  # of malloc.h
+OF_ITS_OWN = 2 << 20  # bytes from which on a piece of memory goes back as soon as it is not needed; all of a cycle's are smaller
+KEPT = 4 << 20  # bytes that are not needed at the heap's end, and stay all the same: what a cycle takes is taken again by the next
 
 
 def begin() -> None:
@@ -20,6 +21,7 @@ def begin() -> None:
     tell = _of_the_c_library("mallopt")
     if tell is not None:
         tell(M_MMAP_THRESHOLD, OF_ITS_OWN)
+        tell(M_TRIM_THRESHOLD, KEPT)
         tell(M_ARENA_MAX, 1)
 
 
