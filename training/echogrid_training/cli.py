@@ -6,7 +6,7 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Iterable, Iterator, Sized
+from collections.abc import Callable, Iterable, Iterator, Sized
 from pathlib import Path
 from typing import Any
 
@@ -108,7 +108,7 @@ def _parser() -> argparse.ArgumentParser:
     importing.add_commands(sets)
     importing.add_many(sets)
     for command in sets.choices.values():
-        command.set_defaults(command=_import)
+        command.set_defaults(command=_printed(importing.run))
 
     scene = commands.add_parser("scene", help="a small generated street scene of 40 s: no antenna, no materials")
     scene.add_argument("--seed", type=int, default=0, help="of the noise; the same seed makes the same bytes (default: 0)")
@@ -135,7 +135,7 @@ def _parser() -> argparse.ArgumentParser:
 
     truth = commands.add_parser("label", help="the true map of your own drives, out of their lidar")
     label.add_arguments(truth)
-    truth.set_defaults(command=_label)
+    truth.set_defaults(command=_printed(label.run))
 
     look = commands.add_parser("inspect", help="detections, lidar, truth and pose of a simulated drive: a picture and an animation")
     look.add_argument("drive", type=Path, metavar="DRIVE", help="a folder that `simulate` wrote")
@@ -144,34 +144,34 @@ def _parser() -> argparse.ArgumentParser:
 
     learn = commands.add_parser("fit", help="train a network on simulated drives, and write it as ONNX")
     fit.add_arguments(learn)
-    learn.set_defaults(command=_fit)
+    learn.set_defaults(command=_printed(fit.run))
 
     again = commands.add_parser("reproduce", help="the paper's four autoencoders, its table and its figures, as an HTML page")
     reproduce.add_arguments(again)
-    again.set_defaults(command=_reproduce)
+    again.set_defaults(command=_printed(reproduce.run))
 
     apart = commands.add_parser("ablate", help="what the paper's network and the default one differ in, one thing at a time, as tables")
     ablate.add_arguments(apart)
-    apart.set_defaults(command=_ablate)
+    apart.set_defaults(command=_printed(ablate.run))
 
     judge = commands.add_parser("evaluate", help="networks and plain methods side by side, as tables in Markdown")
     worlds = judge.add_subparsers(required=True, metavar="WORLD")
     simulated = worlds.add_parser("sim", help="on simulated towns, beside the truth")
     sim.add_arguments(simulated)
-    simulated.set_defaults(command=_evaluate_sim)
+    simulated.set_defaults(command=_printed(sim.run))
     recorded = worlds.add_parser("real", help="on public recordings, by detections that were left out, or beside a lidar")
-    real.add_real_arguments(recorded)
-    recorded.set_defaults(command=_evaluate_real)
+    real.add_arguments(recorded)
+    recorded.set_defaults(command=_printed(real.run))
     reckoned = worlds.add_parser("motion", help="dead reckoning beside true poses, with and without what is learned")
-    motion.add_motion_arguments(reckoned)
-    reckoned.set_defaults(command=_evaluate_motion)
+    motion.add_arguments(reckoned)
+    reckoned.set_defaults(command=_printed(motion.run))
     yours = worlds.add_parser("own", help="on your own drives, without any truth: half of the scans judge the map of the others")
     own.add_arguments(yours)
-    yours.set_defaults(command=_evaluate_own)
+    yours.set_defaults(command=_printed(own.run))
 
     closer = commands.add_parser("adapt", help="a model for your car, out of your drives without any truth")
     adapt.add_arguments(closer)
-    closer.set_defaults(command=_adapt)
+    closer.set_defaults(command=_printed(adapt.run))
 
     compare = commands.add_parser("report", help="simulated drives beside recorded ones, as a table in Markdown")
     for name, what in (("nuscenes", "folder of scene-*.npz"), ("radarscenes", "seq_N.npz"), ("astyx", ".npz"), ("kitti", ".npz")):
@@ -184,12 +184,13 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _printed(run: Callable[[argparse.Namespace, Track], str]) -> Callable[[argparse.Namespace], None]:
+    """The command that prints what `run` says when it is done."""
+    return lambda options: print(run(options, _tracked()))
+
+
 def _seconds(text: str) -> float:
     return between(text, 5, 600, "found, expected seconds")
-
-
-def _import(options: argparse.Namespace) -> None:
-    print(options.importer(options, _tracked()))
 
 
 def _scene(options: argparse.Namespace) -> None:
@@ -233,45 +234,9 @@ def _simulate(options: argparse.Namespace) -> None:
     print(f"{options.out}: {options.towns} drives of {options.seconds:g} s, {made} of them made now")
 
 
-def _label(options: argparse.Namespace) -> None:
-    print(label.run(options, _tracked()))
-
-
 def _inspect(options: argparse.Namespace) -> None:
     for path in inspect_drive.inspect(options.drive, options.out):
         print(path)
-
-
-def _fit(options: argparse.Namespace) -> None:
-    print(fit.run(options, _tracked()))
-
-
-def _reproduce(options: argparse.Namespace) -> None:
-    print(reproduce.run(options, _tracked()))
-
-
-def _ablate(options: argparse.Namespace) -> None:
-    print(ablate.run(options, _tracked()))
-
-
-def _evaluate_sim(options: argparse.Namespace) -> None:
-    print(sim.run(options, _tracked()))
-
-
-def _evaluate_real(options: argparse.Namespace) -> None:
-    print(real.run_real(options, _tracked()))
-
-
-def _evaluate_motion(options: argparse.Namespace) -> None:
-    print(motion.run_motion(options, _tracked()))
-
-
-def _evaluate_own(options: argparse.Namespace) -> None:
-    print(own.run(options, _tracked()))
-
-
-def _adapt(options: argparse.Namespace) -> None:
-    print(adapt.run(options, _tracked()))
 
 
 def _report(options: argparse.Namespace) -> None:

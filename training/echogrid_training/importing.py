@@ -71,6 +71,12 @@ def add_out(command: argparse.ArgumentParser) -> None:
     command.add_argument("--force", action="store_true", help="replace an existing drive")
 
 
+def run(options: argparse.Namespace, track: Track = untracked) -> str:
+    """What the command of this kind of recording says when it is done. Raises EchogridError."""
+    importer: Importer = options.importer
+    return importer(options, track)
+
+
 def _nuscenes(options: argparse.Namespace, track: Track) -> str:
     if options.lidar:
         return _with_lidar(options, lambda: nuscenes_lidar.load(options.source, options.scene, track), track)
@@ -148,8 +154,7 @@ def carried_out(task: argparse.Namespace) -> str:
     """One line; a folder that is there was written completely, and is left as it is."""
     if task.out.is_dir() and any(task.out.iterdir()):
         return f"{task.out}: is there already"
-    importer: Importer = task.importer
-    return importer(task, untracked)
+    return run(task)
 
 
 def _frames(text: str) -> tuple[int, int]:

@@ -25,13 +25,12 @@ STEPS = 3  # of refining
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorVelocity:
-    """Of those S scans that tell one: time (S,) s; velocity (S,) m/s, complex: x along boresight, y left; `information` (S, 2, 2) its
-    inverse covariance; `support` (S,) the share of the scan's detections that agree; `agrees` (N,) which of all detections do.
+    """Of those S scans that tell one: time (S,) s; velocity (S,) m/s, complex: x along boresight, y left; `support` (S,) the share of
+    the scan's detections that agree; `agrees` (N,) which of all detections do.
     """
 
     time: Floats
     velocity: np.ndarray
-    information: Floats
     support: Floats
     agrees: Flags
 
@@ -41,7 +40,7 @@ class SensorVelocity:
 
 def sensor_velocity(radar: RadarTrack) -> SensorVelocity:
     """Robust least squares in every scan: the best of many guesses from two detections, refined over those that agree."""
-    time, velocity, information, support = [], [], [], []
+    time, velocity, support = [], [], []
     agrees = np.zeros(len(radar.range), dtype=np.bool_)
     counts = radar.counts
     usable = np.flatnonzero(counts >= LEAST)
@@ -56,20 +55,17 @@ def sensor_velocity(radar: RadarTrack) -> SensorVelocity:
         found, inside = _fit(slope, rate, there, interval, counts[rows])
         weight = inside.astype(float)
         normal = np.einsum("sm,smi,smj->sij", weight, slope, slope)
-        left = _folded(rate - np.einsum("smi,si->sm", slope, found), interval)
         number = weight.sum(axis=1)
-        variance = np.maximum((weight * left**2).sum(axis=1) / np.maximum(number - 2, 1), 0.05**2)
         share = number / counts[rows]
         sharp = np.linalg.det(normal) > 0.02 * np.maximum(number, 1) ** 2 * 0.25
         kept = (number >= LEAST) & (share >= SHARE) & sharp
         time.append(radar.time[rows[kept]])
         velocity.append(found[kept, 0] + 1j * found[kept, 1])
-        information.append(normal[kept] / variance[kept, None, None])
         support.append(share[kept])
         agrees[index[inside & kept[:, None]]] = True
     if not time:
-        return SensorVelocity(np.empty(0), np.empty(0, complex), np.empty((0, 2, 2)), np.empty(0), agrees)
-    return SensorVelocity(np.concatenate(time), np.concatenate(velocity), np.concatenate(information), np.concatenate(support), agrees)
+        return SensorVelocity(np.empty(0), np.empty(0, complex), np.empty(0), agrees)
+    return SensorVelocity(np.concatenate(time), np.concatenate(velocity), np.concatenate(support), agrees)
 
 
 def _fit(slope: Floats, rate: Floats, there: Flags, interval: Floats, counts: np.ndarray) -> tuple[Floats, Flags]:

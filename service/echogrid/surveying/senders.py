@@ -19,7 +19,7 @@ from echogrid.core.messages import EgoMotion, RadarScan
 from echogrid.errors import EchogridError
 from echogrid.judging.listening import needed
 from echogrid.surveying.cycles import Shape, moved, shape_of
-from echogrid.surveying.drafts import Draft, MotionSignals, motion_draft, motion_signals, radar_draft
+from echogrid.surveying.drafts import Draft, motion_draft, motion_signals, radar_draft
 from echogrid.surveying.groups import Group, groups_of
 from echogrid.surveying.heard import Channel
 
@@ -64,7 +64,6 @@ class MotionSender:
     radius: bool
     motion: list[EgoMotion]
     messages: tuple[str, ...]
-    signals: MotionSignals | None = None
 
 
 def radars_of(channels: Sequence[Channel], sources: Sequence[Source]) -> list[Sender]:
@@ -227,7 +226,7 @@ def motion_of(channels: Sequence[Channel], sources: Sequence[Source]) -> list[Mo
                 motion = _decoded_motion(profile, Dbc(source.path, source.path), channel)
                 if motion:
                     names = signals.wheels.name, signals.turning.name
-                    found.append(MotionSender(channel, None, None, draft, radius, motion, names, signals))
+                    found.append(MotionSender(channel, None, None, draft, radius, motion, names))
     return found
 
 

@@ -64,7 +64,7 @@ def test_other_times_are_refused() -> None:
 
 
 def test_a_drive_gives_a_row_and_a_summary(room_drive: Path) -> None:
-    table = motion.run_motion(argparse.Namespace(drives=[room_drive, room_drive], one_car=True))
+    table = motion.run(argparse.Namespace(drives=[room_drive, room_drive], one_car=True))
     rows = [line for line in table.splitlines()[2:] if line.startswith(f"| {room_drive.name} ")]  # below the head
     assert len(rows) == 2
     assert all(row.count("|") == len(motion.HEADS) + 1 for row in rows)
@@ -75,4 +75,4 @@ def test_a_drive_without_true_poses_is_refused(room_drive: Path, tmp_path: Path)
     for name in ("can.log.gz", "echogrid.toml"):
         (tmp_path / name).write_bytes((room_drive / name).read_bytes())
     with pytest.raises(EchogridError, match="has no truth.npz"):
-        motion.run_motion(argparse.Namespace(drives=[tmp_path], one_car=False))
+        motion.run(argparse.Namespace(drives=[tmp_path], one_car=False))

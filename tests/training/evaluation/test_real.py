@@ -15,7 +15,7 @@ from tests.support import astyx_files, nuscenes_files, posts, radarscenes_files
 from tests.support.networks import default, write
 
 from echogrid.errors import EchogridError
-from echogrid_training.evaluation.real import add_real_arguments, finite, named, run_real
+from echogrid_training.evaluation.real import add_arguments, finite, named, run
 
 NUSCENES = {"front_left": "FRONT_LEFT", "front_right": "FRONT_RIGHT", "rear_left": "BACK_LEFT", "rear_right": "BACK_RIGHT"}
 
@@ -63,9 +63,9 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 def evaluate(kind: str, *sources: Path, model: str, out: Path, more: tuple[str, ...] = ()) -> tuple[dict[str, Any], str]:
     parser = argparse.ArgumentParser()
-    add_real_arguments(parser)
+    add_arguments(parser)
     arguments = [kind, *map(str, sources), "--model", model, "--json", str(out / "deep" / "real.json"), "--out", str(out / "pictures")]
-    tables = run_real(parser.parse_args([*arguments, *more]))
+    tables = run(parser.parse_args([*arguments, *more]))
     return json.loads((out / "deep" / "real.json").read_text()), tables
 
 

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import shapely
 
-from echogrid.config.tables import Body
 from echogrid.core.messages import Floats
 from echogrid_training.driving.ego_drive import BODY, Drive
 from echogrid_training.driving.lane import lane_along
@@ -155,7 +154,7 @@ def _moving(
     return Mover(material, *size, clip(whole, min(rng.uniform(3.0, 12.0), max(0.0, spare)), seconds))
 
 
-def _follower(ego: Track, rng: np.random.Generator, body: Body = BODY) -> Mover | None:
+def _follower(ego: Track, rng: np.random.Generator) -> Mover | None:
     """The car behind, by the intelligent driver model (Treiber et al. 2000), on the ego's own line; `None` if the ego reverses."""
     coarse = resampled(ego, RATE)
     if coarse.speed.min() < -0.01:
@@ -164,12 +163,12 @@ def _follower(ego: Track, rng: np.random.Generator, body: Body = BODY) -> Mover 
     before = 22.0  # m of straight line behind where the ego starts
     walked = before + np.concatenate(([0.0], np.cumsum((coarse.speed[1:] + coarse.speed[:-1]) / 2 / RATE)))
     most, gap_wanted, headway, accelerate, brake = rng.uniform(9.0, 14.0), rng.uniform(1.8, 3.0), rng.uniform(1.0, 1.6), 1.5, 1.8
-    place, speed = walked[0] - body.rear_overhang - long / 2 - max(4.0, headway * coarse.speed[0]) - 2.0, float(coarse.speed[0])
+    place, speed = walked[0] - BODY.rear_overhang - long / 2 - max(4.0, headway * coarse.speed[0]) - 2.0, float(coarse.speed[0])
     places, speeds = [], []
     for ahead, its_speed in zip(walked, coarse.speed, strict=True):
         places.append(place)
         speeds.append(speed)
-        gap = max(ahead - body.rear_overhang - long / 2 - place, 0.1)
+        gap = max(ahead - BODY.rear_overhang - long / 2 - place, 0.1)
         wish = gap_wanted + max(0.0, speed * headway + speed * (speed - its_speed) / (2 * math.sqrt(accelerate * brake)))
         change = accelerate * (1.0 - (speed / most) ** 4 - (wish / gap) ** 2)
         slower = max(0.0, speed + max(change, -6.0) / RATE)

@@ -34,13 +34,13 @@ HEADS = (
 HALF, MOST = (1.386, 0.455), (5.991, 3.841)  # of chi-squared with 2 and 1 degrees of freedom: where 50 % and 95 % lie below
 
 
-def add_motion_arguments(parser: argparse.ArgumentParser) -> None:
-    """What `run_motion` reads."""
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """What `run` reads."""
     parser.add_argument("drives", type=Path, nargs="+", metavar="DRIVE", help="folders of drives with true poses")
     parser.add_argument("--one-car", action="store_true", help="each drive begins with what the one before has taught of the car")
 
 
-def run_motion(options: argparse.Namespace, track: Track = untracked) -> str:
+def run(options: argparse.Namespace, track: Track = untracked) -> str:
     """The table in Markdown, and what it comes to. Raises EchogridError."""
     rows, scores = [], list[tuple[Score, ...]]()
     kept: Kept | None = None

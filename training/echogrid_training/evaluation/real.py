@@ -33,8 +33,8 @@ from echogrid_training.recording import Recording, Track, untracked
 Load = Callable[[], Recording]
 
 
-def add_real_arguments(parser: argparse.ArgumentParser) -> None:
-    """What `run_real` reads."""
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """What `run` reads."""
     parser.add_argument("kind", choices=("nuscenes", "radarscenes", "astyx"))
     parser.add_argument("sources", type=Path, nargs="+", metavar="SOURCE", help="what `import` takes, or .npz of Astyx")
     parser.add_argument("--scene", action="append", metavar="NAME", help="of nuScenes, where SOURCE holds several; may be repeated")
@@ -54,7 +54,7 @@ def named(text: str) -> str:
     return text
 
 
-def run_real(options: argparse.Namespace, track: Track = untracked) -> str:
+def run(options: argparse.Namespace, track: Track = untracked) -> str:
     """Writes the figures and the pictures; returns tables in Markdown. Raises EchogridError."""
     folders = (options.json.parent, *([options.out] if options.out else []))
     for folder in folders:

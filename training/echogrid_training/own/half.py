@@ -6,7 +6,7 @@ The map is asked as it stood when the scan came, so nothing that came later help
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 import msgspec
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from echogrid.config.tables import Config
 from echogrid.core.map.look_map import STEP, TURN
 from echogrid.core.map.tiled_map import TiledMap
-from echogrid.core.mapper import Mapper, MapUpdate
+from echogrid.core.mapper import Mapper
 from echogrid.core.messages import Floats, RadarScan
 from echogrid.core.motion.odometry import EgoState
 from echogrid.core.motion.se2 import SE2
@@ -87,9 +87,6 @@ class Half:
     maps: int = 1
 
 
-Seen = Callable[[MapUpdate, int], None]  # an update, and the number of the stretch it belongs to
-
-
 def halve(drive: RealDrive, config: Config, left_out: Collection[Key]) -> Half:
     """Maps the drive without some scans, given by sensor and stamp, and asks the map about them."""
     pipeline = roomy(drive, config)
@@ -101,26 +98,18 @@ def roomy(drive: RealDrive, config: Config) -> Pipeline:
     return Pipeline(msgspec.structs.replace(config, map=msgspec.structs.replace(config.map, **ROOM)), drive.config)
 
 
-def driven_through(
-    drive: RealDrive,
-    mapper: Mapper,
-    model: str,
-    left_out: Collection[Key],
-    *,
-    ask: bool,
-    seen: Seen | None = None,
-    lost: Callable[[], None] | None = None,
-) -> Half:
-    """`seen` is called for each update, `lost` where a new map begins. Without `ask` the looks are kept and no map is asked."""
+def driven_through(drive: RealDrive, mapper: Mapper, model: str, left_out: Collection[Key], *, ask: bool) -> Half:
+    """Without `ask` the looks are kept and no map is asked."""
     radars = {name: number for number, name in enumerate(mapper.mounts)}
     out, waiting, last = Half(mapper.map, model), list[RadarScan](), dict[str, SE2]()
     epoch = mapper.epoch
     for now_ns, item in drive.items:
         if isinstance(item, RadarScan) and (item.sensor, item.stamp_ns) in left_out:
             waiting.append(item)
-            updates = [mapper.update(now_ns)]
         else:
-            updates = [*mapper.take(item, now_ns), mapper.update(now_ns)]
+            for _ in mapper.take(item, now_ns):
+                pass
+        mapper.update(now_ns)
         if mapper.epoch != epoch:
             epoch = mapper.epoch
             out.maps += 1
@@ -128,8 +117,6 @@ def driven_through(
             last.clear()
             for held in (out.looks, out.left_out, out.driven, out.stretches):
                 held.clear()
-            if lost is not None:
-                lost()
         if not mapper.odometry.states:
             continue
         newest = mapper.odometry.states[-1]
@@ -144,9 +131,6 @@ def driven_through(
             ego = mapper.odometry.at(scan.stamp_ns)
             if ego is not None:
                 _ask(out, mapper, scan, ego, radars[scan.sensor], stretch, last, ask=ask)
-        for update in updates:
-            if update is not None and seen is not None:
-                seen(update, stretch)
     mapper.end_cycle()
     return out
 

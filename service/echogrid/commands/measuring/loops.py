@@ -48,13 +48,13 @@ class Pace(NamedTuple):
     ratio: float
 
 
-def paces(calls: Calls, turns: int = TURNS) -> dict[str, Pace]:
+def paces(calls: Calls) -> dict[str, Pace]:
     """Of each loop; none where numpy runs alone."""
     if not dispatch.COMPILED:
         return {}
     found = {}
     for name, some in calls.items():
-        times = turned(name, some, (dispatch.loops, reference), turns)
+        times = turned(name, some, (dispatch.loops, reference), TURNS)
         fast, slow = (statistics.median(spent) * 1e6 for spent in times)
         found[name] = Pace(fast, slow, min(times[0]) / min(times[1]))
     return found

@@ -73,8 +73,7 @@ class Surroundings(msgspec.Struct, frozen=True, eq=False):
 class History:
     """Remembers what the last map updates saw, in odom."""
 
-    def __init__(self, length: float = LENGTH) -> None:
-        self.length = length
+    def __init__(self) -> None:
         self.updates = 0
         self._entries: deque[tuple[float, int, int]] = deque()  # of an update: m travelled at that time, detections, looks
         self._detections = _Rows((2,), (2,), (), (), (), ())  # as the fields of Detections, m travelled, number of the update
@@ -87,7 +86,7 @@ class History:
         self._looks.add(len(looks.place), looks.place, looks.half_fov, looks.max_range)
         self._entries.append((distance, len(detections), len(looks.place)))
         self.updates += 1
-        while self._entries[0][0] < distance - self.length or len(self._entries) > MOST_UPDATES:
+        while self._entries[0][0] < distance - LENGTH or len(self._entries) > MOST_UPDATES:
             _, fewer, less = self._entries.popleft()
             self._detections.drop(fewer)
             self._looks.drop(less)

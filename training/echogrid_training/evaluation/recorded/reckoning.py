@@ -51,14 +51,13 @@ class Reckoned:
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """`off`: RMSE in m after the best rigid alignment, of all and of the second half; `way` in m, of both.
+    """`off`: RMSE in m after the best rigid alignment, of all and of the second half; `way` in m, of all.
 
     `place` and `heading`: squared errors at the drive's end from its first pose on, in claimed sigmas: 2 and 1 are expected.
     """
 
     way: float
     off: float
-    later_way: float
     later_off: float
     place: float
     heading: float
@@ -122,8 +121,7 @@ def score(reckoned: Reckoned, truth: Truth) -> Score:
     off = _from_first(true)[-1] - _from_first(ours)[-1]
     covariance = _turned(reckoned.covariances[inside][-1], -ours[0, 2])
     place = float(off[:2] @ np.linalg.solve(covariance[:2, :2], off[:2]))
-    ways = _way(true), _way(true[half:])
-    return Score(ways[0], _aligned(ours, true), ways[1], _aligned(ours[half:], true[half:]), place, float(off[2] ** 2 / covariance[2, 2]))
+    return Score(_way(true), _aligned(ours, true), _aligned(ours[half:], true[half:]), place, float(off[2] ** 2 / covariance[2, 2]))
 
 
 def _placed(scans: Sequence[RadarScan], odometry: Odometry, mounts: dict[str, Mount]) -> list[PlacedScan]:
