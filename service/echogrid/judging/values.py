@@ -99,8 +99,10 @@ def ranges_say(radar: RadarTrack, ratio: float) -> int:
 
 def ranges_leap(radar: RadarTrack) -> bool:
     """Whether the ranges change without any regard to the range rates, though there is much to compare."""
+    if not len(radar.range) or np.median(radar.range) < 60.0:
+        return False
     gone, change = _pairs(radar)
-    if len(gone) < PAIRS or np.median(radar.range) < 60.0:
+    if len(gone) < PAIRS:
         return False
     return max(_score(change * factor, gone) for factor in RANGE_FACTORS) < CLEAR / 2
 
