@@ -25,10 +25,11 @@ from echogrid.logs.drive import find_drive
 from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
 from echogrid.recording.published import Published
-from echogrid.topics.poses import Odometry, decode_transforms, encode_odometry
+from echogrid.topics.poses import Odometry, encode_odometry
 from echogrid.topics.topic import TRANSFORM
 from echogrid.zenoh.publisher import key, session_config
 from tests.support import posed, world
+from tests.support.cdr_messages import transforms_of
 from tests.support.frames import yaw_rate
 from tests.support.program import echogrid
 from tests.support.waiting import until
@@ -159,7 +160,7 @@ def placed(subscriber: zenoh.Subscriber) -> SE2 | None:
     sample = subscriber.try_recv()
     if sample is None:
         return None
-    by_frame = {one.frame: one for one in decode_transforms(bytes(sample.payload))}
+    by_frame = {one.frame: one for one in transforms_of(bytes(sample.payload))}
     return None if "map" not in by_frame else by_frame["map"].pose @ by_frame["odom"].pose
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import time
@@ -13,6 +14,7 @@ import pytest
 from tests.support import world
 from tests.support.places import ROOT
 
+from echogrid.commands.measuring import bench
 from echogrid.commands.measuring.loops import NAMES, Sample, seen, turned
 from echogrid.commands.measuring.stages import FRAMES, MAPPER, PUBLISHING, Stopwatch, stages
 from echogrid.core.kernels import dispatch, reference
@@ -81,14 +83,24 @@ def test_what_the_loops_are_given_is_noted_and_they_are_put_back() -> None:
 
 
 def test_the_command_says_the_same_in_words_and_as_json() -> None:
-    command = [sys.executable, "-W", "error", "-m", "echogrid", "bench", "--seconds", "2", "--model", "analytic"]
-    done = subprocess.run([*command, "--json"], capture_output=True, text=True, check=True)
+    command = [sys.executable, "-W", "error", "-m", "echogrid", "bench", "--seconds", "2", "--model", "analytic", "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     figures = json.loads(done.stdout)
     assert figures["cycle_ms"] == pytest.approx(sum(figures["per_update_ms"].values()))
     assert figures["share_of_a_core"] == pytest.approx(figures["cycle_ms"] * figures["rate_hz"] / 1e3)
     assert figures["machine"]["numpy"] == np.__version__
     assert (figures["kernels"], bool(figures["loops"])) == (dispatch.WHY, dispatch.COMPILED)
     assert min(figures["floors"].values()) > 1
-    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    said = "\n".join(bench.report(figures))
     for word in (*figures["per_update_ms"], *figures["loops"], figures["model"].partition(",")[0], dispatch.WHY, "whole cycle"):
         assert word in said
+
+
+def test_in_words_it_prints_the_report(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of other figures each time, so by their words; the loops are left out, which take longest."""
+    monkeypatch.setattr(bench, "seen", lambda drive, models: {})
+    bench.command(None, None, "analytic", 1.0, as_json=False)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("machine: ")
+    assert {"raster and model", "whole cycle"} <= {re.sub(r"  +.*", "", line.strip()) for line in lines}
+    assert lines[-1].endswith("of a core, without receiving and sending")

@@ -38,7 +38,7 @@ from echogrid.store.tile_store import TileStore
 from echogrid.topics.diagnostic_array import decode_diagnostics
 from echogrid.topics.grids import decode_grid, decode_update, encode_grid, encode_update
 from echogrid.topics.points import decode_judged, decode_points, encode_judged, encode_points
-from echogrid.topics.poses import decode_odometry, decode_pose, decode_transforms, encode_odometry, encode_transforms
+from echogrid.topics.poses import decode_odometry, decode_pose, encode_odometry
 from echogrid.zenoh.attachment import decode_attachment, decode_grid_attachment
 from echogrid.zenoh.fleet import decompress
 from tests.support import frames, networks
@@ -255,8 +255,6 @@ def wire(data: bytes) -> None:
     with suppress(ValueError):
         update = decode_update(data)
         assert (decode_update(encode_update(update)).occupancy == update.occupancy).all()
-    with suppress(ValueError):
-        assert len(decode_transforms(encode_transforms(transforms := decode_transforms(data)))) == len(transforms)
     with suppress(ValueError):
         points = decode_points(data)
         assert (decode_points(encode_points(points)).points == points.points).all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 
 import numpy as np
@@ -27,7 +28,6 @@ STAMPS = st.integers(-(2**31) * SECOND, 2**31 * SECOND - 1)
 CELLS = st.tuples(st.integers(0, 9), st.integers(0, 9), st.integers(0, 2**32 - 1)).map(
     lambda shape: np.random.default_rng(shape[2]).integers(-1, 101, shape[:2], dtype=np.int8)
 )
-TRANSFORM = Transform(1_700_000_000_123_456_789, "odom", "base", SE2(1.5, -2.5, 2.0))
 POINTS_OF_TWO = Points(7, "base", np.arange(6, dtype=np.float32).reshape(2, 3))
 
 
@@ -55,6 +55,17 @@ def diagnostics_of(frame: str = "") -> DiagnosticArray:
     service = DiagnosticStatus(Level.WARN, "echogrid: service", "", "car", {})
     radar = DiagnosticStatus(Level.STALE, "echogrid: radar fl", "silent", "fl", {"late": "3", "": "", "ratio": "0.5"})
     return DiagnosticArray(1_700_000_000_123_456_789, frame, (service, radar))
+
+
+def transforms_of(payload: bytes) -> list[Transform]:
+    """A tf2_msgs/msg/TFMessage of turns about z, as rosbags reads it."""
+    found = []
+    for one in STORE.deserialize_cdr(payload, "tf2_msgs/msg/TFMessage").transforms:
+        stamp, place, turn = one.header.stamp, one.transform.translation, one.transform.rotation
+        assert (place.z, turn.x, turn.y) == (0.0, 0.0, 0.0)
+        pose = SE2(place.x, place.y, 2.0 * math.atan2(turn.z, turn.w))
+        found.append(Transform(stamp.sec * SECOND + stamp.nanosec, one.header.frame_id, one.child_frame_id, pose))
+    return found
 
 
 def patched(payload: bytes, at: int, layout: str, *values: float) -> bytes:

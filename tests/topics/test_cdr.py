@@ -6,18 +6,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.support.cdr_messages import POINTS_OF_TWO, TRANSFORM, diagnostics_of, grid_of, odometry_of
+from tests.support.cdr_messages import POINTS_OF_TWO, diagnostics_of, grid_of, odometry_of
 
 from echogrid.topics.cdr import LITTLE_ENDIAN, SECOND
 from echogrid.topics.diagnostic_array import decode_diagnostics, encode_diagnostics
 from echogrid.topics.grids import Grid, GridUpdate, decode_grid, decode_update, encode_grid, encode_update
 from echogrid.topics.points import decode_points, encode_points
-from echogrid.topics.poses import decode_odometry, decode_transforms, encode_odometry, encode_transforms
+from echogrid.topics.poses import decode_odometry, encode_odometry
 from echogrid.zenoh.attachment import decode_attachment, decode_grid_attachment, encode_attachment, encode_version
 
 DECODERS = (
     pytest.param(encode_update(GridUpdate(5, "odom", 3, 4, grid_of().occupancy)), decode_update, id="update"),
-    pytest.param(encode_transforms((TRANSFORM, TRANSFORM)), decode_transforms, id="transforms"),
     pytest.param(encode_points(POINTS_OF_TWO), decode_points, id="points"),
     pytest.param(encode_grid(grid_of()), decode_grid, id="grid"),
     pytest.param(encode_odometry(odometry_of()), decode_odometry, id="odometry"),

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.support.cdr_messages import FRAMES, NAMES, NUMBERS, ROS, STAMPS, STORE, TRANSFORM, odometry_of, patched, ros_header, ros_pose
+from tests.support.cdr_messages import FRAMES, NAMES, NUMBERS, ROS, STAMPS, STORE, odometry_of, patched, ros_header, ros_pose
 
 from echogrid.core.motion.se2 import SE2
-from echogrid.topics.poses import Odometry, Transform, decode_odometry, decode_transforms, encode_odometry, encode_transforms
+from echogrid.topics.poses import Odometry, Transform, decode_odometry, encode_odometry, encode_transforms
 
 COVARIANCES = st.lists(NUMBERS, min_size=36, max_size=36).map(lambda values: np.array(values).reshape(6, 6))
 ODOMETRIES = st.builds(
@@ -62,14 +62,8 @@ def test_odometry_is_what_rosbags_writes(frame: str, child_frame: str) -> None:
 
 
 @given(TRANSFORMS)
-def test_transforms_are_what_rosbags_writes_and_come_back(transforms: list[Transform]) -> None:
-    payload = encode_transforms(transforms)
-    assert payload == bytes(STORE.serialize_cdr(_ros_transforms(transforms), "tf2_msgs/msg/TFMessage"))
-    back = decode_transforms(payload)
-    for one, other in zip(back, transforms, strict=True):
-        assert (one.stamp_ns, one.frame, one.child_frame) == (other.stamp_ns, other.frame, other.child_frame)
-        assert (one.pose.x, one.pose.y) == (other.pose.x, other.pose.y)
-        assert math.cos(one.pose.yaw - other.pose.yaw) == pytest.approx(1, abs=1e-12)
+def test_transforms_are_what_rosbags_writes(transforms: list[Transform]) -> None:
+    assert encode_transforms(transforms) == bytes(STORE.serialize_cdr(_ros_transforms(transforms), "tf2_msgs/msg/TFMessage"))
 
 
 @given(ODOMETRIES)
@@ -82,25 +76,6 @@ def test_odometry_round_trip(odometry: Odometry) -> None:
     assert (back.speed, back.yaw_rate) == (odometry.speed, odometry.yaw_rate)
     np.testing.assert_array_equal(back.pose_covariance, odometry.pose_covariance)
     np.testing.assert_array_equal(back.twist_covariance, odometry.twist_covariance)
-
-
-# For the frames "odom" and "base": count 0, stamp 4, frame's length 12, child's length 24, translation 40, rotation 64.
-@pytest.mark.parametrize(
-    ("at", "layout", "values", "message"),
-    [
-        (0, "<I", (0,), "are left over"),
-        (0, "<I", (2**32 - 1,), "message ends"),
-        (40, "<d", (math.nan,), "nowhere"),
-        (48, "<d", (math.inf,), "nowhere"),
-        (56, "<d", (1.0,), "leaves the plane"),
-        (64, "<d", (0.5,), "not a rotation"),
-        (80, "<dd", (0.0, 0.0), "not a rotation"),
-        (88, "<d", (math.nan,), "not a rotation"),
-    ],
-)
-def test_transforms_that_cannot_be_are_refused(at: int, layout: str, values: tuple[float, ...], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        decode_transforms(patched(encode_transforms((TRANSFORM,)), at, layout, *values))
 
 
 # For the frames "odom" and "base": child's length 20, child 24, padding, position 32, orientation 56, covariance 88.

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import can
 import msgspec
 
 from echogrid.can.database import Database, FrameId, Message
@@ -137,15 +138,18 @@ def decode(profile: RadarProfile, dbc: Dbc, shift: int, channel: Channel) -> tup
     """The scans that a profile makes of the kept frames, and the share of whole ones; None where they are few."""
     reader = RadarReader("radar", profile, dbc, shift, SensorHealth())
     frames = channel.of(reader.ids)
-    stamps = [round(frame.timestamp * 1e9) for frame in frames]
-    if not reader.scans(frames[:SOME], stamps[:SOME]):  # as most that are tried
+    if not _scans(reader, frames[:SOME]):  # as most that are tried
         return None
     health = SensorHealth()
     reader = RadarReader("radar", profile, dbc, shift, health)
-    scans = reader.scans(frames, stamps)
+    scans = _scans(reader, frames)
     share = len(scans) / max(len(scans) + health.incomplete + health.bad_crc, 1)
     seen = sum(len(scan) for scan in scans)
     return (reader, scans, share) if share >= WHOLE and len(scans) >= FEWEST and seen >= len(scans) else None
+
+
+def _scans(reader: RadarReader, frames: Sequence[can.Message]) -> list[RadarScan]:
+    return reader.scans(frames, [round(frame.timestamp * 1e9) for frame in frames])
 
 
 def _of_group(group: Group, source: Source, channels: Sequence[Channel], claimed: set[tuple[str | int, FrameId]]) -> list[Sender]:

@@ -1,4 +1,4 @@
-"""Odometry and transforms as ROS's messages in CDR (`cdr`), and back; all on a plane."""
+"""Odometry and transforms as ROS's messages in CDR (`cdr`), odometry back too; all on a plane."""
 
 from __future__ import annotations
 
@@ -113,25 +113,6 @@ def encode_transforms(transforms: Sequence[Transform]) -> bytes:
         body = padded(body, 4) + encode_header(transform.stamp_ns, transform.frame) + encode_text(transform.child_frame)
         body = padded(body, 8) + _PLACE.pack(pose.x, pose.y, 0.0, 0.0, 0.0, math.sin(half), math.cos(half))
     return LITTLE_ENDIAN + body
-
-
-def decode_transforms(payload: bytes) -> tuple[Transform, ...]:
-    """The transforms of a tf2_msgs/msg/TFMessage, yaw within (-pi, pi]; what leaves the plane is refused."""
-    body = body_of(payload)
-    (count,) = read(LENGTH, body, 0)
-    at, transforms = LENGTH.size, []
-    for _ in range(count):  # however many there should be, the payload's end ends it
-        stamp_ns, frame, at = read_header(body, aligned(at, 4))
-        child_frame, at = read_text(body, at)
-        at = aligned(at, 8)
-        place = read(_PLACE, body, at)
-        at += _PLACE.size
-        if place[2] != 0:
-            raise ValueError("the transform leaves the plane")
-        transforms.append(Transform(stamp_ns, frame, child_frame, _pose_of(*place[:2], *place[3:])))
-    if at != len(body):
-        raise ValueError(f"{len(body) - at} bytes are left over after the transforms")
-    return tuple(transforms)
 
 
 def _pose_of(x: float, y: float, roll: float, pitch: float, z: float, w: float) -> SE2:

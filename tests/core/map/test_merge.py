@@ -149,6 +149,7 @@ def test_alone_or_with_an_empty_map_a_map_stays_as_it_is(kind: str) -> None:
 def test_a_map_with_itself_is_twice_the_sums(kind: str) -> None:
     tiles = random_map(kind, 7)
     found = merged([(tiles, source(tiles)), (tiles, source(tiles))], kind, clamp=100.0)
+    assert found.keys() == tiles.keys()
     for place, tile in found.items():
         np.testing.assert_array_equal(tile.layers, 2 * tiles[place].layers)
         np.testing.assert_array_equal(tile.seen_s, tiles[place].seen_s)
@@ -180,7 +181,9 @@ def test_evidence_that_cancels_is_still_seen() -> None:
     one, two = random_map(kind, 1), random_map(kind, 1)
     for tile in two.values():
         tile.layers[-1] *= -1
-    for place, tile in merged([(one, source(one)), (two, source(two))], kind).items():
+    found = merged([(one, source(one)), (two, source(two))], kind)
+    assert found.keys() == one.keys()
+    for place, tile in found.items():
         assert ((tile.layers[-1] == TINY) == (one[place].layers[-1] != 0)).all()
 
 

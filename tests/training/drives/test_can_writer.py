@@ -174,6 +174,7 @@ def test_cycle_counters_wrap() -> None:
 def test_frames_of_a_bus_do_not_overlap(fd: bool) -> None:
     """The shortest that a frame can be: no stuff bits."""
     frames, _, report = can_frames(make_recording(counts=(64, 64, 64, 64), cycles=30), fd)
+    assert set(report.loads) == {frame.channel for frame in frames}
     for bus, load in report.loads.items():
         of_bus = [frame for frame in frames if frame.channel == bus]
         assert load <= 0.8

@@ -79,7 +79,9 @@ def test_looks_at_the_map_are_as_far_apart_as_is_asked(drive: Path, found: list[
 def test_with_a_network_the_map_has_its_layers(drive: Path, tmp_path: Path) -> None:
     spec = GridSpec()
     net = networks.write(tmp_path / "net.onnx", *networks.default(spec.cells, spec.cell))
-    for local in local_maps(drive, str(net)):
+    looks = list(local_maps(drive, str(net), every=4.0))
+    assert len(looks) == 2
+    for local in looks:
         assert local.layers.shape == (5, 128, 128)
         _, weight, hits, near, passes = local.layers
         assert 0 < weight.max() <= 20 + 1e-4

@@ -105,6 +105,7 @@ def test_strata_are_judged_as_if_they_were_all(windows: list[tuple[np.ndarray, n
 def test_towns_drawn_once_each_are_all_towns(tallies: list[Tally]) -> None:
     once = resampled(tallies, np.ones((1, len(tallies)), dtype=int))
     found = figures(summed(tallies))
+    assert {"ap", "iou", "nll"} <= once.keys() <= found.keys()
     for name, values in once.items():
         assert values[0] == pytest.approx(found[name]), name
 
