@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -58,6 +59,12 @@ def sending(publisher: Publisher, *statuses: dict[str, object]) -> Iterator[None
 def look(endpoint: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     command = [*COMMAND, "--endpoint", endpoint, *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
+
+
+def looks(endpoint: str, *commands: tuple[str, ...]) -> list[subprocess.CompletedProcess[str]]:
+    """At once: each may wait for seconds."""
+    with ThreadPoolExecutor() as pool:
+        return list(pool.map(lambda arguments: look(endpoint, *arguments), commands))
 
 
 def test_a_service_that_is_well(endpoint: str) -> None:
@@ -121,20 +128,18 @@ def test_with_certificates(endpoint: str, tmp_path: Path) -> None:
 
 
 def test_nobody_there_is_one_sentence(endpoint: str) -> None:
-    done = look(endpoint)
+    done, named = looks(endpoint, (), ("--vehicle", "car"))
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr == (f"echogrid: {endpoint}: no vehicle within 5 s, expected a service that listens there\n")
-    done = look(endpoint, "--vehicle", "car")
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == (
+    assert (named.returncode, named.stdout) == (1, "")
+    assert named.stderr == (
         f"echogrid: vehicle 'car' at {endpoint}: no status within 5 s, expected a service that listens there for this vehicle\n"
     )
 
 
 def test_the_vehicle_at_an_endpoint_needs_no_name(endpoint: str) -> None:
     with published(endpoint, status(), vehicle="red-1"):
-        done = look(endpoint)
-        other = look(endpoint, "--vehicle", "blue")
+        done, other = looks(endpoint, (), ("--vehicle", "blue"))
     assert (done.returncode, done.stderr, done.stdout.split("\n")[0]) == (0, "", "red-1 is ok")
     assert (other.returncode, other.stdout) == (1, "")
     assert other.stderr.endswith("expected a service that listens there for this vehicle; there are: red-1\n")

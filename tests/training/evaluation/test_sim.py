@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from tests.support import candidates
 from tests.support.networks import SHARES, default, write
 from tests.support.rectangles import rectangles
 from tests.support.tiny_towns import room, town, track
@@ -19,7 +20,7 @@ from echogrid.errors import EchogridError
 from echogrid_training.drives.drive import write_drive
 from echogrid_training.drives.simulate import simulate
 from echogrid_training.evaluation import sim
-from echogrid_training.evaluation.simulated import calibrating, probes
+from echogrid_training.evaluation.simulated import probes
 from echogrid_training.evaluation.simulated.baselines import BASELINES
 from echogrid_training.evaluation.simulated.patches import STRATA
 from echogrid_training.evaluation.simulated.results import cleaned
@@ -54,7 +55,7 @@ def found(towns: Path, network_file: Path, tmp_path_factory: pytest.TempPathFact
     fit(rectangles(8, 1), rectangles(4, 2), settings, out / "lidar")
     models = ("--model", f"tiny={network_file}", "--model", f"tiny={other}", "--model", f"lidar={out / 'lidar' / 'model.pt'}")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(calibrating, "PATCHES", 3)
+        candidates.few(patch)
         patch.setattr(probes, "STANDING", 1)
         patch.setattr(probes, "STARTS", (0.3,))
         folders = ("--test", str(towns / "test"), "--calibrate", str(towns / "others"), "--out", str(out))
@@ -98,8 +99,11 @@ def test_tables_and_pictures(found: tuple[str, Path]) -> None:
             assert min(picture.size) > 400
 
 
-def test_maps_alone_say_the_same_of_maps(found: tuple[str, Path], towns: Path, network_file: Path, tmp_path: Path) -> None:
+def test_maps_alone_say_the_same_of_maps(
+    found: tuple[str, Path], towns: Path, network_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """With one network of two, and from the same drives: nothing hangs on patches."""
+    candidates.few(monkeypatch)
     folders = ("--test", str(towns / "test"), "--calibrate", str(towns / "others"), "--out", str(tmp_path))
     said = sim.run(options(*folders, "--model", f"tiny={network_file}", "--workers", "1", "--maps"))
     results, whole = (json.loads((folder / "results.json").read_text()) for folder in (tmp_path, found[1]))

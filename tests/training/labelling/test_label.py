@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.ndimage import binary_dilation
+from tests.support import agreement as patches
 from tests.training.labelling.conftest import bring
 
 from echogrid.core.evidence.raster import GridSpec
@@ -18,23 +18,14 @@ from echogrid_training.labelling.bring import read_turns
 from echogrid_training.truth.simulated_truth import SimulatedTruth, load_simulated_truth
 
 SPEC = GridSpec()
-CELL = np.ones((3, 3), bool)
 
 
 def agreement(true: SimulatedTruth, found: SimulatedTruth) -> tuple[float, float]:
-    """IoU of occupied within a cell, and of free where both know, in the patches around the car every half second."""
-    near = sides = both_free = some_free = 0
-    for stamp in range(int(found.stamp_ns[0]), int(found.stamp_ns[-1]), 500_000_000):
-        there, here = true.pose(stamp), found.pose(stamp)
-        assert there is not None
-        assert here is not None
-        a, b = true.map.patch(there, SPEC), found.map.patch(here, SPEC)
-        near += (binary_dilation(a > 0, CELL) & (b > 0)).sum() + (binary_dilation(b > 0, CELL) & (a > 0)).sum()
-        sides += (a > 0).sum() + (b > 0).sum()
-        known = (a != 0) & (b != 0)
-        both_free += ((a < 0) & (b < 0)).sum()
-        some_free += (((a < 0) | (b < 0)) & known).sum()
-    return near / 2 / (sides - near / 2), both_free / some_free
+    """In the patches around the car every half second."""
+    stamps = range(int(found.stamp_ns[0]), int(found.stamp_ns[-1]), 500_000_000)
+    poses = [(true.pose(stamp), found.pose(stamp)) for stamp in stamps]
+    assert all(there is not None and here is not None for there, here in poses)
+    return patches.agreement((true.map.patch(there, SPEC), found.map.patch(here, SPEC)) for there, here in poses)
 
 
 def test_labels_agree_with_the_simulators_truth(car: Path, labelled: Path) -> None:

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from scipy.ndimage import binary_dilation
 from tests.support import tiny_towns
+from tests.support.agreement import agreement
 
 from echogrid.core.evidence.raster import GridSpec
 from echogrid.core.motion.se2 import SE2
@@ -20,7 +20,6 @@ from echogrid_training.truth.ground_truth import TruthMap
 from echogrid_training.truth.simulated_truth import SimulatedTruth
 
 SPEC = GridSpec()
-CELL = np.ones((3, 3), bool)
 
 
 @dataclass(frozen=True)
@@ -41,17 +40,9 @@ class Street:
 
     def agreement(self, found: SimulatedTruth) -> tuple[float, float]:
         """IoU of occupied within a cell, and of free where both know, in the patches around the car."""
-        near = sides = both_free = some_free = 0
-        for stamp, there in zip(self.stamp_ns[2:-2:4], self.poses[2:-2:4], strict=True):
-            here = found.pose(stamp)
-            assert here is not None
-            a, b = self.truth.patch(there, SPEC), found.map.patch(here, SPEC)
-            near += (binary_dilation(a > 0, CELL) & (b > 0)).sum() + (binary_dilation(b > 0, CELL) & (a > 0)).sum()
-            sides += (a > 0).sum() + (b > 0).sum()
-            known = (a != 0) & (b != 0)
-            both_free += ((a < 0) & (b < 0)).sum()
-            some_free += (((a < 0) | (b < 0)) & known).sum()
-        return near / 2 / (sides - near / 2), both_free / some_free
+        places = [(there, found.pose(stamp)) for stamp, there in zip(self.stamp_ns[2:-2:4], self.poses[2:-2:4], strict=True)]
+        assert all(here is not None for _, here in places)
+        return agreement((self.truth.patch(there, SPEC), found.map.patch(here, SPEC)) for there, here in places)
 
 
 @pytest.fixture(scope="session")

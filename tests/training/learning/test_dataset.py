@@ -263,12 +263,12 @@ def test_a_file_of_samples_is_as_its_documentation_says(drive: Path) -> None:
         for name, (kind, shape) in layout.items():
             assert held[name].dtype.kind == "U" if kind == "text" else held[name].dtype == kind
             assert [str(size) for size in held[name].shape] == [str(len(cut)) if size == "N" else size for size in shape]
-        for index, sample in enumerate(cut):
-            bits = [[(held["lidar"][index, (128 * i + j) // 8] >> (7 - (128 * i + j) % 8)) & 1 for j in range(128)] for i in range(128)]
+        for packed, labels, sample in zip(held["lidar"], held["labels"], cut, strict=True):
+            bits = [[(packed[(128 * i + j) // 8] >> (7 - (128 * i + j) % 8)) & 1 for j in range(128)] for i in range(128)]
             np.testing.assert_array_equal(bits, sample.lidar)
             exact = 127 * np.tanh(sample.truth / 2)
-            assert np.abs(held["labels"][index] - exact).max() <= 1
-            np.testing.assert_array_equal(np.sign(held["labels"][index]), np.sign(sample.truth))
+            assert np.abs(labels - exact).max() <= 1
+            np.testing.assert_array_equal(np.sign(labels), np.sign(sample.truth))
         i, j = np.nonzero(bits)
         around = load_simulated_truth(drive / "truth.npz").lidar_points(cut[-1].stamp_ns, cut[-1].truth_from_base)
         near = around[(np.abs(around) < 15).all(axis=1)]

@@ -4,48 +4,22 @@ from __future__ import annotations
 
 import argparse
 import json
-import shutil
-from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from tests.support.tiny_drives import room_drive
-from tests.support.tiny_towns import track
 
 from echogrid.errors import EchogridError
 from echogrid_training.evaluation.metrics import average_precision
-from echogrid_training.learning import train
 from echogrid_training.learning.autoencoder import PaperAutoencoder
 from echogrid_training.learning.dataset import load_drive
-from echogrid_training.learning.train import Settings, load_trained
+from echogrid_training.learning.train import load_trained
 from echogrid_training.learning.unet import UNet
 from echogrid_training.paper import ablate
 from echogrid_training.paper.variants import BINS, FIGURES, PAIRS, TITLES, VARIANTS, WIDEST, Tried, drawn, figures, markdown
 
-
-@pytest.fixture(scope="module")
-def drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """learn/a, learn/b and test/c."""
-    folder = tmp_path_factory.mktemp("ablate")
-    room_drive(folder / "learn" / "a", track(1.5, speed=4.0, x=-5.0, y=2.0, yaw=0.1))
-    for name in ("learn/b", "test/c"):
-        shutil.copytree(folder / "learn" / "a", folder / name)
-    return folder
-
-
-@pytest.fixture(scope="module", autouse=True)
-def tiny() -> Iterator[None]:
-    """--small is tiny here."""
-
-    def small(network: Any, weighting: Any, seed: int) -> Settings:
-        return Settings(network, weighting, 1, seed, width=4, batch=2)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(train, "small", small)
-        yield
+pytestmark = pytest.mark.usefixtures("tiny")
 
 
 def run(drives: Path, out: Path, *more: str) -> str:

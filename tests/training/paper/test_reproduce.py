@@ -10,48 +10,22 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from tests.support.tiny_drives import room_drive
-from tests.support.tiny_towns import track
 from tests.support.waiting import PATIENCE
 
 from echogrid.errors import EchogridError
-from echogrid_training.learning import train
 from echogrid_training.learning.dataset import load_drive, ternary
-from echogrid_training.learning.train import Settings, load_trained
+from echogrid_training.learning.train import load_trained
 from echogrid_training.paper import material, reproduce
 from echogrid_training.truth import ground_truth
 
+pytestmark = pytest.mark.usefixtures("tiny")
 NAMES = ("lidar-inverse-3", "lidar-independent-3", "radar-inverse-3", "radar-independent-3")
-
-
-@pytest.fixture(scope="module")
-def drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """learn/a, learn/b and test/c, with samples cut already."""
-    folder = tmp_path_factory.mktemp("reproduce")
-    room_drive(folder / "learn" / "a", track(1.5, speed=4.0, x=-5.0, y=2.0, yaw=0.1))
-    for name in ("learn/b", "test/c"):
-        shutil.copytree(folder / "learn" / "a", folder / name)
-    return folder
-
-
-@pytest.fixture(scope="module", autouse=True)
-def tiny() -> Iterator[None]:
-    """--small is tiny here."""
-
-    def small(network: Any, weighting: Any, seed: int) -> Settings:
-        return Settings(network, weighting, 1, seed, width=4, batch=2)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(train, "small", small)
-        yield
 
 
 def run(drives: Path, out: Path, *more: str, test: str = "test") -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from echogrid.core.evidence.raster import GridSpec, Image
+from echogrid.core.evidence.raster import Image
 from echogrid.core.kernels.dispatch import loops
 from echogrid.core.kernels.tiles import parts
 from echogrid.core.map.footprint import Footprint
@@ -20,9 +20,6 @@ class OccupancyMap(TiledMap):
     """One layer, the sum of log-odds. A cell whose evidence cancels exactly is kept as the smallest positive number."""
 
     layers = 1
-
-    def __init__(self, spec: GridSpec, clamp: float = 3.5, max_tiles: int = 4096) -> None:
-        super().__init__(spec, clamp, max_tiles)
 
     def takes(self, odom_from_base: SE2) -> bool:
         return True

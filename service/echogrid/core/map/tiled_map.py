@@ -57,7 +57,7 @@ class TiledMap(ABC):
     layers: int
     reach = 0.0  # m from the radars up to which `measure` wants detections
 
-    def __init__(self, spec: GridSpec, clamp: float, max_tiles: int) -> None:
+    def __init__(self, spec: GridSpec, clamp: float = 3.5, max_tiles: int = 4096) -> None:
         self.spec = spec
         self.clamp = clamp  # log-odds
         self.max_tiles = max_tiles

@@ -6,10 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from tests.support import candidates
 from tests.support.tiny_towns import room, town, track
 
 from echogrid_training.evaluation.metrics import iou, overlaps
-from echogrid_training.evaluation.simulated import calibrating, sweep
+from echogrid_training.evaluation.simulated import sweep
 from echogrid_training.evaluation.simulated.calibrating import Plan, planned, shown
 from echogrid_training.evaluation.simulated.maps import ELFES, TUNED
 from echogrid_training.evaluation.simulated.sweep import LOST, OTHERS, SEED, Point, curves, episode, points, swept
@@ -19,7 +20,7 @@ from echogrid_training.sensors.episode import paper_like
 @pytest.fixture(scope="module")
 def plan(room_drive: Path) -> Plan:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(calibrating, "PATCHES", 3)
+        candidates.few(patch)
         return planned([shown(room_drive, [], with_patches=True, with_maps=True)], [])
 
 
