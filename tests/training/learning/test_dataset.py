@@ -157,10 +157,10 @@ def test_disturbed_samples_are_kept_beside_the_others(drive: Path, tmp_path: Pat
 def test_whole_samples_have_the_papers_labels_and_are_kept_apart(drive: Path) -> None:
     """The true map's patch at the sample's pose, by a look-up of its own; the other samples tell less of it and nothing else."""
     truth = load_simulated_truth(drive / "truth.npz")
-    told = load_drive(drive)
+    told, cut = load_drive(drive), list(samples(drive))
     for _ in range(2):  # cut, and read back
         held = load_drives([drive], whole=True)
-        for index, sample in enumerate(samples(drive)):
+        for index, sample in enumerate(cut):
             patch = truth.map.patch(sample.truth_from_base, SPEC)
             np.testing.assert_array_equal(ternary(held.labels[index]), np.sign(patch))
         known = told.labels != 0
