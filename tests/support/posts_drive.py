@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,12 @@ from echogrid_training.drives.drive import write_drive
 from echogrid_training.recording import Motion, RadarMount, Recording, truth_from
 
 
-def posts_drive(made: Path, turned: float = 0.0) -> Path:
-    """15 m between two rows of posts; with radars that are turned by so much more (rad) than the configuration says."""
-    scans = [scan_of(sensor, stamp, found - (0.0, turned, 0.0, 0.0)) for sensor, stamp, found in posts.scans()]
+def posts_drive(made: Path, turned: float = 0.0, beside: Sequence[tuple[float, float, float, float]] = ()) -> Path:
+    """15 m between two rows of posts; with radars that are turned by so much more (rad) than the configuration says.
+
+    `beside`: range, azimuth, range rate and RCS of what every scan shows besides.
+    """
+    scans = [scan_of(sensor, stamp, np.vstack((found - (0.0, turned, 0.0, 0.0), *beside))) for sensor, stamp, found in posts.scans()]
     where = posts.SPEED * (posts.MOTION_NS - posts.MOTION_NS[0]) * 1e-9
     still = np.zeros(len(where))
     recording = Recording(

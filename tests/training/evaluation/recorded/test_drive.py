@@ -9,37 +9,22 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 from tests.support import posts
+from tests.support.posts_drive import posts_drive
 from tests.support.recordings import scan_of
 
 from echogrid.config.loading import load_config
-from echogrid.config.tables import Body
 from echogrid.core.messages import RadarScan
 from echogrid.logs.drive import find_drive
 from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
-from echogrid_training.drives.drive import write_drive
 from echogrid_training.evaluation.recorded.drive import RealDrive, hear, placed
-from echogrid_training.recording import Motion, RadarMount, Recording, truth_from
 
 MOVER = (10.0, 0.1, 2.0, 5.0)  # range, azimuth, range rate, RCS: it moves away, whatever the car does
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    scans = [scan_of(sensor, stamp, np.vstack((found, MOVER))) for sensor, stamp, found in posts.scans()]
-    where = posts.SPEED * (posts.MOTION_NS - posts.MOTION_NS[0]) * 1e-9
-    still = np.zeros(len(where))
-    recording = Recording(
-        "posts",
-        Body(),
-        tuple(RadarMount(name, mount, 2 * posts.HALF_FOV) for name, mount in posts.MOUNTS.items()),
-        scans,
-        Motion(posts.MOTION_NS, np.full((len(where), 4), posts.SPEED), posts.MOTION_NS, still),
-        truth_from(posts.MOTION_NS, where, still, still),
-    )
-    made = tmp_path_factory.mktemp("real") / "drive"
-    write_drive(recording, made)
-    return made
+    return posts_drive(tmp_path_factory.mktemp("real") / "drive", beside=[MOVER])
 
 
 @pytest.fixture(scope="module")
