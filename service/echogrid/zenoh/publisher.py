@@ -118,8 +118,8 @@ def session_config(
 ) -> zenoh.Config:
     """Zenoh's configuration for exactly these endpoints, retried forever, and no discovery.
 
-    Raises zenoh.ZError if an endpoint is not of the form that Zenoh reads. `sends`: it is the service's, which also keeps shared memory
-    ready for large messages.
+    Raises zenoh.ZError if an endpoint is not of the form that Zenoh reads. `sends`: it is the service's, which also sends large messages
+    through shared memory.
     `credentials` for tls/ endpoints; `access`: Zenoh's access_control.
     """
     for endpoint in (*listen, *connect):
@@ -143,7 +143,8 @@ def session_config(
         "timestamping": {"enabled": True},  # without, an AdvancedPublisher may have no cache
         "transport/unicast/max_sessions": 32,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": 2_000_000,  # us: a frozen client delays the next so much
-        "transport/shared_memory": {"enabled": True, "mode": "init", "transport_optimization": pool},
+        # From the first large message to this machine on: two of its threads look after it 30 times a second.
+        "transport/shared_memory": {"enabled": True, "mode": "lazy", "transport_optimization": pool},
     }
     if credentials is not None:
         settings["transport/link/tls"] = credentials.zenoh()
