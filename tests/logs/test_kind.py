@@ -39,7 +39,7 @@ def complaint(path: Path, data: bytes) -> str:
     return str(refused.value)
 
 
-@pytest.mark.parametrize("name", [*sorted(OURS), ".mcap"])
+@pytest.mark.parametrize("name", [*sorted(OURS), ".mcap", ".mf4"])  # of .mf4 without asammdf, for which nobody has to install it
 def test_each_kind_under_the_name_of_each_other(recordings: dict[str, bytes], tmp_path: Path, name: str) -> None:
     for ending, data in recordings.items():
         if ending != name:

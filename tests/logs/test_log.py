@@ -184,6 +184,9 @@ def test_no_message_is_of_a_time_that_cannot_be(tmp_path: Path, time: str) -> No
 def test_unknown_endings_and_missing_files_are_refused_at_once(tmp_path: Path) -> None:
     with pytest.raises(EchogridError, match=r"is a folder, expected a recording, such as .*can\.log$"):
         Log(tmp_path)
+    (tmp_path / "drive_0.mcap").touch()  # as `--record drive` makes it
+    with pytest.raises(EchogridError, match=r"is a folder, expected a recording, such as .*drive_0\.mcap$"):
+        Log(tmp_path)
     with pytest.raises(EchogridError, match="is not a known log format, expected one of .asc"):
         Log(tmp_path / "a.xyz")
     with pytest.raises(EchogridError, match="No such file"):

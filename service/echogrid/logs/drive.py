@@ -59,9 +59,17 @@ def find_drive(path: Path, config: Path | None) -> Drive:
     log = next((path / name for name in LOGS if (path / name).is_file()), None)
     if log is None:
         wanted = f"{path}: holds no recording, expected one of can.log.gz, {', '.join(f'can{ending}' for ending in ENDINGS)}"
-        other = next((one for one in sorted(path.iterdir()) if one.name.lower().removesuffix(".gz").endswith(FRAMES_ALONE)), None)
+        other = first_recording(path)
         raise EchogridError(wanted if other is None else f"{wanted}; {other} is taken by its own name, with -c")
     return Drive(config or path / "echogrid.toml", log, path / "truth.npz")
+
+
+def first_recording(folder: Path) -> Path | None:
+    """The first file by name that can be nothing but a recording, None where the folder has none or is closed to us."""
+    try:
+        return next((one for one in sorted(folder.iterdir()) if one.name.lower().removesuffix(".gz").endswith(FRAMES_ALONE)), None)
+    except OSError:
+        return None
 
 
 def load_truth(path: Path) -> Truth | None:

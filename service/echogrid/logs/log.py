@@ -14,6 +14,7 @@ import can
 from echogrid.can.intake.frames import FrameBatch, batches
 from echogrid.errors import EchogridError
 from echogrid.files import meant, surely, unread
+from echogrid.logs.drive import first_recording
 from echogrid.logs.formats import blf, library, pcap
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.kind import FIRST, hint
@@ -60,7 +61,7 @@ class Log:
         self._suffix = suffixes[-1] if suffixes else ""
         known = (*OURS, *BY_PATH, ".mcap")
         if surely(path.is_dir):
-            raise EchogridError(f"{path}: is a folder, expected a recording, such as {path / 'can.log'}")
+            raise EchogridError(f"{path}: is a folder, expected a recording, such as {first_recording(path) or path / 'can.log'}")
         if self._suffix not in known and not surely(path.exists) and (near := meant(path)):
             raise EchogridError(f"{path}: there is no such file{near}")
         if self._suffix not in known:

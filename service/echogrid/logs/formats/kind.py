@@ -10,6 +10,7 @@ BYTES = {
     b"\x28\xb5\x2f\xfd": ".zst",
     b"LOGG": ".blf",
     b"MDF ": ".mf4",
+    b"UnFinMF ": ".mf4",
     b"\x89MCAP": ".mcap",
     b"SQLite format 3": ".db",
     b"\xd4\xc3\xb2\xa1": ".pcap",

@@ -20,6 +20,8 @@ from echogrid.can.intake.frames import FrameBatch, batches
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.times import END_OF_TIME, TOO_LATE
 
+MF4 = (b"MDF ", b"UnFinMF ")  # how a file begins that was closed, or was not
+
 
 def read_sqlite(path: Path, account: Account) -> Iterator[FrameBatch]:
     """The frames of python-can's table `messages`; it knows no channels. Raises ValueError and sqlite3's errors."""
@@ -34,8 +36,12 @@ def read_sqlite(path: Path, account: Account) -> Iterator[FrameBatch]:
 def read_mf4(path: Path, account: Account) -> Iterator[FrameBatch]:
     """The frames of a bus logging; channels as the file numbers them.
 
-    Raises ImportError where asammdf is missing, and ValueError, which names the program that wrote the file, where it reads no frames.
+    Raises ValueError for what is no MF4 file, ImportError where asammdf is missing, and ValueError, which names the program that wrote
+    the file, where it reads no frames.
     """
+    with path.open("rb") as file:
+        if not file.read(8).startswith(MF4):
+            raise ValueError("it does not begin with 'MDF', as an MF4 file does")
     if sys.modules.get("asammdf", can) is None:  # kept out by the program
         del sys.modules["asammdf"]
         importlib.reload(mf4)
