@@ -154,6 +154,7 @@ def test_time_that_goes_backwards_is_dropped_and_counted(drive: Path, tmp_path: 
     ("name", "content", "code", "complaint"),
     [
         ("other.log", "(1.0) can0 123#00\n(2.0) can0 456#00\n", 3, "none of its 2 frames is one that"),
+        ("odd.log", "(1.0) can0 123#00\nnoise\n", 1, "the first is line 2: 'noise'; none of its 1 frames is one that"),
         ("empty.log", "", 1, "holds no CAN message"),
         ("noise.log", "\x00\x01\x02", 1, "holds no CAN message; 1 of its parts could not be understood, the first is line 1: "),
         ("log.txt", "", 1, "is not a known log format"),

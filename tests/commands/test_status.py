@@ -22,6 +22,7 @@ from tests.support.status import status
 from tests.support.waiting import PATIENCE, until
 
 from echogrid.client import Client, vehicles
+from echogrid.commands.status import only_one
 from echogrid.config.tables import Publish, Ros, Tls
 from echogrid.zenoh import namesakes
 from echogrid.zenoh.publisher import Publisher
@@ -200,6 +201,17 @@ def test_watching_follows_until_it_is_interrupted(endpoint: str) -> None:
         watcher.send_signal(signal.SIGINT)
         _, errors = watcher.communicate(timeout=PATIENCE)
     assert (watcher.returncode, errors) == (130, "")
+
+
+def test_watching_says_that_it_waits_for_a_service(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
+    """Once, and in the log, so that JSON stays JSON."""
+    answers: list[list[str]] = [[], [], ["car"]]
+    monkeypatch.setattr("echogrid.commands.status.vehicles", lambda *_: answers.pop(0))
+    caplog.set_level("INFO", "echogrid")
+    assert only_one("tcp/nowhere:1", None, wait=True) == "car"
+    assert [record.getMessage() for record in caplog.records] == [
+        "tcp/nowhere:1: no vehicle within 5 s; waiting for a service that listens there"
+    ]
 
 
 def test_watching_says_that_a_service_went_silent(endpoint: str) -> None:

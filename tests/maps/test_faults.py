@@ -149,3 +149,11 @@ def test_every_mistake_is_one_sentence_and_nothing_is_written(
     assert str(caught.value).startswith((str(tmp_path), "--bbox", "'map", "tcp://"))
     after = sorted(path.name for path in tmp_path.iterdir() if not path.name.endswith(("-shm", "-wal")))
     assert after == [name for name in before if not name.endswith(("-shm", "-wal"))]
+
+
+def test_a_folder_is_told_a_file_that_the_command_takes(tmp_path: Path) -> None:
+    (tmp_path / "a.npz").touch()
+    with pytest.raises(EchogridError, match="is a folder, expected a file$"):
+        info(tmp_path)
+    with pytest.raises(EchogridError, match=r"is a folder, expected a file such as .*a\.npz$"):
+        show(tmp_path)

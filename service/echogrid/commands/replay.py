@@ -166,18 +166,17 @@ def replay(
         if not traffic.heard:
             if recording is not None:
                 recording.discard()
-            raise torn or NoMapError(nothing_known(drive, pipeline, traffic))
+            raise nothing_known(drive, pipeline, traffic, torn)
         faults = log.times.faults() + traffic.coarse(log.times)
         beside = traffic.strangers() + ([] if config.pose is None or config.pose.key is None else [NO_POSE])
         pipeline.mapper.end_cycle()
         if not pipeline.health.cycles:
             if recording is not None:
                 recording.discard()
-            if torn is not None:
-                raise torn
             why = "; ".join(faults) or why_none(pipeline, traffic)
-            recorder.write(out, truth, faults, [*log.account.notes, *log.times.notes(), *beside])
-            raise NoMapError(f"{drive.log}: no map came of it: {why}")
+            if torn is None:
+                recorder.write(out, truth, faults, [*log.account.notes, *log.times.notes(), *beside])
+            raise no_map(drive, why, torn)
         if keeper is not None and torn is None:
             _flush(keeper)  # before the log is read, so that no frame has to wait
         summary = recorder.write(out, truth, faults, log.account.notes + log.times.notes() + beside)
@@ -211,6 +210,13 @@ def in_part(torn: EchogridError, log: Log, out: Path) -> EchogridError:
     return EchogridError(f"{torn}; the map {'up to there' if log.account.torn or not log.account.odd else 'of all else'} is in {out}")
 
 
+def no_map(drive: Drive, why: str, torn: EchogridError | None) -> EchogridError:
+    """Why a recording gave none, and what is wrong with it where it is `torn`."""
+    if torn is None:
+        return NoMapError(f"{drive.log}: no map came of it: {why}")
+    return EchogridError(f"{torn}; no map came of what could be read: {why}")
+
+
 def _flush(keeper: TileKeeper) -> None:
     """Nothing waits for the mapping here, so a disk that cannot be written ends it."""
     keeper.flush()
@@ -241,13 +247,17 @@ def true_poses(drive: Drive, say: Callable[[str], None] | None) -> Truth | None:
         return None
 
 
-def nothing_known(drive: Drive, pipeline: Pipeline, traffic: Traffic) -> str:
+def nothing_known(drive: Drive, pipeline: Pipeline, traffic: Traffic, torn: EchogridError | None) -> EchogridError:
+    """What to say of a recording without a frame that the configuration knows."""
+    if torn is not None and not pipeline.health.frames:
+        return torn
     expected = sorted({f"0x{frame_id:X}" for _, (frame_id, _) in pipeline.signals.readers})
     found = sorted({frame_id for _, _, (frame_id, _) in traffic.unread})[:8]
     why = "; ".join(traffic.strangers()) or (
         f"found ids {', '.join(f'0x{frame_id:X}' for frame_id in found)} …, expected {', '.join(expected[:8])} …"
     )
-    return f"{drive.log}: none of its {pipeline.health.frames} frames is one that {drive.config} knows: {why}"
+    said = f"none of its {pipeline.health.frames} frames is one that {drive.config} knows: {why}"
+    return NoMapError(f"{drive.log}: {said}") if torn is None else EchogridError(f"{torn}; {said}")
 
 
 def why_none(pipeline: Pipeline, traffic: Traffic) -> str:

@@ -7,6 +7,7 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -50,9 +51,13 @@ def command(endpoint: str, vehicle: str | None, tls: tuple[Path, Path, Path] | N
 
 def only_one(endpoint: str, credentials: Credentials | None, *, wait: bool) -> str:
     """The vehicle at an endpoint; `wait`: until there is one. Raises EchogridError where there is none, or more than one."""
-    while not (found := vehicles(endpoint, credentials, PATIENCE)):
+    for tries in count():
+        if found := vehicles(endpoint, credentials, PATIENCE):
+            break
         if not wait:
             raise EchogridError(f"{endpoint}: no vehicle within {PATIENCE:.0f} s, expected a service that listens there")
+        if not tries:
+            log.info(f"{endpoint}: no vehicle within {PATIENCE:.0f} s; waiting for a service that listens there")
     if len(found) > 1:
         raise EchogridError(f"{endpoint}: the vehicles {', '.join(found)} are there, expected one: say which with --vehicle")
     return found[0]

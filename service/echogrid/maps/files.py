@@ -17,7 +17,7 @@ from echogrid.store.tile_store import TileStore
 def open_store(path: Path) -> TileStore:
     """To be read, while a service writes it too. Raises EchogridError."""
     if not path.is_file():
-        raise no_file(path, f"*{SUFFIX}", "*.yaml", "*.npz")
+        raise no_file(path, f"*{SUFFIX}")
     return TileStore(path)
 
 

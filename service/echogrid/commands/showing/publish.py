@@ -11,13 +11,12 @@ from typing import Any
 import msgspec
 
 from echogrid.commands.recorder import Recorder
-from echogrid.commands.replay import aside, check_outputs, first_ns, in_part, nothing_known, reported, say, true_poses, why_none
+from echogrid.commands.replay import aside, check_outputs, first_ns, in_part, no_map, nothing_known, reported, say, true_poses, why_none
 from echogrid.commands.state_log import StateLog
 from echogrid.commands.terminal import progress
 from echogrid.commands.traffic import Traffic
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
-from echogrid.errors import NoMapError
 from echogrid.live.player import Player, on_virtual_buses
 from echogrid.live.service import Service
 from echogrid.logs.drive import Drive, find_drive
@@ -88,11 +87,11 @@ def publish(
         on_start(service)
     service.run()
     if player.ended and not player.sent:
-        raise player.torn or NoMapError(nothing_known(drive, pipeline, traffic))
+        raise nothing_known(drive, pipeline, traffic, player.torn)
     faults = log.times.faults() + traffic.coarse(log.times) if player.ended else []
     summary = recorder.write(out, truth, faults, log.account.notes + log.times.notes() + traffic.strangers())
     if not pipeline.health.cycles:
-        raise player.torn or NoMapError(f"{drive.log}: no map came of it: {why_none(pipeline, traffic)}")
+        raise no_map(drive, why_none(pipeline, traffic), player.torn)
     if player.torn is not None:
         raise in_part(player.torn, log, out)
     return summary
