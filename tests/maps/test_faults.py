@@ -72,6 +72,8 @@ def both(folder: Path, name: str) -> list[Input]:
         (lambda p: info(p), ": is a folder, expected a file such as "),
         (lambda p: show(p), ": is a folder, expected a file such as "),
         (lambda p: show(p / "map.tif"), "map.tif: no map format has its suffix: expected .egmap, .npz, or the .yaml of a map_server map"),
+        (lambda p: info(p / "map.npz"), "map.npz: is no store, expected a .egmap file: `echogrid map import` makes one of it"),
+        (lambda p: show(p / "car.egmap", out=p / "a.jpg"), "a.jpg: is not written, expected a name that ends in .png"),
         (lambda p: show(p / "map.npz", epoch=2), "map.npz: has no epochs, and --epoch 2 is given"),
         (lambda p: show(p / "car.egmap", epoch=7), "car.egmap: epoch 7 is not there, found 1, 3"),
         (lambda p: show(p / "empty.egmap"), "empty.egmap: no cell of the map is known, so there is nothing to show"),

@@ -18,7 +18,12 @@ def open_store(path: Path) -> TileStore:
     """To be read, while a service writes it too. Raises EchogridError."""
     if not path.is_file():
         raise no_file(path, f"*{SUFFIX}")
-    return TileStore(path)
+    try:
+        return TileStore(path)
+    except ForeignFileError as error:
+        if path.suffix in (".npz", *map_server.SUFFIXES):
+            raise EchogridError(f"{path}: is no store, expected a {SUFFIX} file: `echogrid map import` makes one of it") from error
+        raise
 
 
 @contextmanager
@@ -39,7 +44,7 @@ def read_dense(path: Path) -> DenseMap:
         raise no_file(path, f"*{SUFFIX}", "*.yaml", "*.npz")
     if path.suffix == ".npz":
         return read_npz(path)
-    if path.suffix in (".yaml", ".yml"):
+    if path.suffix in map_server.SUFFIXES:
         return map_server.read(path)
     if path.suffix == SUFFIX:
         raise EchogridError(f"{path}: is a store already, expected .npz, or the .yaml of a map_server map")

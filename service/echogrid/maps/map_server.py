@@ -33,6 +33,7 @@ Pixels = NDArray[np.uint8]  # (H, W) grey or (H, W, 4) red, green, blue, alpha; 
 Cells = NDArray[np.int8]  # (H, W); the first row is the smallest y
 
 # Occupied, free; between those of scale, grey is linear.
+SUFFIXES = (".yaml", ".yml")
 THRESHOLDS = {"trinary": (OCCUPIED, FREE), "scale": (1.0, 0.0), "raw": (OCCUPIED, FREE)}
 BLACK, WHITE, GREY = 0, 254, 205  # levels of trinary: occupied, free, unknown
 CLAMP = 3.5  # log-odds of what a file calls sure

@@ -22,6 +22,8 @@ def show(
     Raises EchogridError.
     """
     if out is not None:
+        if out.suffix.lower() != ".png":
+            raise EchogridError(f"{out}: is not written, expected a name that ends in .png")
         may_write(out, force, (path,))
     if path.suffix == SUFFIX:
         with open_store(path) as store:
