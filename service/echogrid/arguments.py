@@ -39,6 +39,7 @@ EXAMPLES = {
     "demo": ("demo", "demo --model analytic --out out/analytic", "demo --json | jq .state"),
     "bench": ("bench", "bench --json", "bench drives/monday --model analytic"),
 }
+OPTION_OF = {".toml": "--config", ".dbc": "--dbc", ".kcd": "--dbc", ".sym": "--dbc", ".arxml": "--dbc"}  # by what a file's name ends in
 
 
 class Parser(argparse.ArgumentParser):
@@ -54,11 +55,14 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         word, known = "", []
         if unknown := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):
-            word, known = unknown[1], re.findall(r"[\w.-]+", unknown[2])
+            word, known = unknown[1], [*re.findall(r"[\w.-]+", unknown[2]), *self._option_string_actions]
         elif unknown := re.search(r"unrecognized arguments: (?:.* )?(--[\w-]+)", message):
             word, known = unknown[1], sorted(self._options())
+            if word in known:  # of another place
+                message += f": {word} stands {'before' if word in self._option_string_actions else 'behind'} the command"
+                known = []
         elif stray := re.fullmatch(r"unrecognized arguments: ([^-].*)", message):
-            message = f"too many: {stray[1]}; {self._takes()}"
+            message = f"too many: {stray[1]}; {self._takes()}{self._option_for(stray[1])}"
         elif unread := re.fullmatch(r"\[Errno \d+\] (.*): ('.*')", message):
             message = f"{unread[2][1:-1]}: cannot be read: {unread[1]}"
         near = difflib.get_close_matches(word, known, n=1)
@@ -83,6 +87,12 @@ class Parser(argparse.ArgumentParser):
                 return next(command._takes() for command in commands if command.used)
             own += [] if action.option_strings else [str(action.metavar or action.dest)]
         return f"{self.prog} takes {' and '.join(f'one {name}' for name in own)}" if own else f"{self.prog} takes options alone"
+
+    def _option_for(self, words: str) -> str:
+        """Which option of the command that was typed takes such a file, as the end of a sentence."""
+        options = {option for ending, option in OPTION_OF.items() if any(word.lower().endswith(ending) for word in words.split())}
+        given = sorted(options & self._options())
+        return f", a {given[0].removeprefix('--')} file with {given[0]}" if given else ""
 
     def _options(self) -> set[str]:
         """Long ones, those of the command that was typed too."""

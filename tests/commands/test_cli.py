@@ -30,6 +30,7 @@ from echogrid_training import cli as training
     ("arguments", "guess"),
     [
         (("replya",), "did you mean 'replay'?"),
+        (("help",), "did you mean '--help'?"),
         (("map", "exprot"), "did you mean 'export'?"),
         (("--log-level", "warn", "demo"), "did you mean 'warning'?"),
         (("map", "export", "a", "b", "--format", "pgn"), "did you mean 'png'?"),
@@ -50,9 +51,12 @@ def test_a_word_that_is_nearly_one_is_guessed(arguments: tuple[str, ...], guess:
         ("replay a.log b.log", "too many: b.log; echogrid replay takes one DRIVE_OR_LOG"),
         ("replay a.log b.log c.log -c e.toml", "too many: b.log c.log; echogrid replay takes one DRIVE_OR_LOG"),
         ("check a.log -c e.toml b.log", "too many: b.log; echogrid check takes one LOG"),
-        ("init a.log b.dbc", "too many: b.dbc; echogrid init takes one LOG"),
+        ("init a.log b.dbc", "too many: b.dbc; echogrid init takes one LOG, a dbc file with --dbc"),
+        ("replay a.log e.toml", "too many: e.toml; echogrid replay takes one DRIVE_OR_LOG, a config file with --config"),
         ("map export a.egmap b.png c.png", "too many: c.png; echogrid map export takes one FILE.egmap and one OUT"),
-        ("run -c e.toml e.toml", "too many: e.toml; echogrid run takes options alone"),
+        ("run -c e.toml e.toml", "too many: e.toml; echogrid run takes options alone, a config file with --config"),
+        ("run -c e.toml --log-level debug", "unrecognized arguments: --log-level debug: --log-level stands before the command"),
+        ("--json status", "unrecognized arguments: --json: --json stands behind the command"),
     ],
 )
 def test_one_file_too_many_is_named_with_what_the_command_takes(capsys: pytest.CaptureFixture[str], arguments: str, said: str) -> None:

@@ -132,5 +132,5 @@ def test_a_dbc_that_nothing_was_read_by_is_told(tmp_path: Path) -> None:
     sources = [Source(path, Dbc(path, path).database) for path in paths]
     assert _unused(sources, ['dbc = "../vehicle_motion.dbc"'], heard) == [
         f"{paths[0]}: none of its messages is in the recording",
-        f"{paths[1]}: 2 of its 2 messages are in the recording, and others fit better",
+        f"{paths[1]}: 2 of its 2 messages are in the recording, and neither a radar nor motion is read by them",
     ]

@@ -185,6 +185,8 @@ def test_bad_frames_are_not_called_those_of_another_car(drive: Path, tmp_path: P
 def test_what_is_missing_is_said(drive: Path, tmp_path: Path) -> None:
     with pytest.raises(EchogridError, match="a log needs a configuration"):
         find_drive(drive / "can.log", None)
+    with pytest.raises(EchogridError, match="is no recording: give a configuration with -c"):
+        find_drive(drive / "echogrid.toml", None)
     with pytest.raises(EchogridError, match="there is no such file or folder"):
         find_drive(tmp_path / "nothing", None)
     with pytest.raises(EchogridError, match="holds no recording, expected one of can.log.gz"):

@@ -74,7 +74,7 @@ def _unused(sources: Sequence[Source], texts: Collection[str], heard: Heard) -> 
             continue
         ids = {(message.frame_id, message.is_extended_frame) for message in source.database.messages}
         there = sum(any(channel.counts[one] for channel in heard.channels) for one in ids)
-        some = f"{there} of its {len(ids)} messages are in the recording, and others fit better"
+        some = f"{there} of its {len(ids)} messages are in the recording, and neither a radar nor motion is read by them"
         said.append(f"{source.path}: {some if there else 'none of its messages is in the recording'}")
     return said
 

@@ -53,8 +53,10 @@ def find_drive(path: Path, config: Path | None) -> Drive:
     if not path.exists():
         raise EchogridError(f"{path}: there is no such file or folder{meant(path)}")
     if not path.is_dir():
+        if config is None and path.suffix == ".toml":
+            raise EchogridError(f"{path}: is no recording: give a configuration with -c, and a recording before it")
         if config is None:
-            raise EchogridError(f"{path}: a log needs a configuration: give it with -c, or replay a drive folder")
+            raise EchogridError(f"{path}: a log needs a configuration: give it with -c, or name a drive folder")
         return Drive(config, path, path.parent / "truth.npz")
     log = next((path / name for name in LOGS if (path / name).is_file()), None)
     if log is None:
