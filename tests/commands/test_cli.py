@@ -6,6 +6,7 @@ import argparse
 import os
 import re
 import shlex
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -16,10 +17,11 @@ import pytest
 from tests.support import world
 from tests.support.places import DEMO, DOCS
 from tests.support.program import echogrid
-from tests.support.waiting import PATIENCE
+from tests.support.waiting import PATIENCE, until
 
 from echogrid import cli
 from echogrid.cli import _parser
+from echogrid.commands.demo import WATCH
 from echogrid.errors import EchogridError
 from echogrid.maps.dense_map import write_npz
 from echogrid.maps.picture import text
@@ -215,3 +217,13 @@ def test_a_shell_is_told_how_a_line_goes_on(tmp_path: Path) -> None:
     own |= {"COMP_LINE": line, "COMP_POINT": str(len(line)), "_ARC_DEBUG": ""}
     subprocess.run([sys.executable, "-m", "echogrid"], env=own, timeout=PATIENCE, check=False, capture_output=True)
     assert (tmp_path / "answer").read_text().split() == ["replay"]
+
+
+def test_ctrl_c_ends_the_demos_subscriber_without_a_word_while_it_is_loading(tmp_path: Path) -> None:
+    """A terminal sends it to both processes."""
+    command = [sys.executable, "-c", WATCH, "tcp/127.0.0.1:1", "car", str(tmp_path)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as watcher:
+        until(lambda: "numpy" in Path(f"/proc/{watcher.pid}/maps").read_text())
+        watcher.send_signal(signal.SIGINT)
+        _, said = watcher.communicate(timeout=PATIENCE)
+    assert (watcher.returncode, said) == (-signal.SIGINT, "")

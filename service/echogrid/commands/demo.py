@@ -1,7 +1,4 @@
-"""`echogrid demo`: the shipped drive over a CAN bus, through the service, over Zenoh, to a subscriber in another process.
-
-python -m echogrid.commands.demo ENDPOINT VEHICLE OUT    is that subscriber: it puts the windows that it receives together to a picture
-"""
+"""`echogrid demo`: the shipped drive over a CAN bus, through the service, over Zenoh, to a subscriber in another process."""
 
 from __future__ import annotations
 
@@ -36,6 +33,8 @@ from echogrid.maps.picture import Panel, draw, save, side_by_side
 from echogrid.pipeline import Pipeline
 
 PATIENCE = 20.0  # s
+# The subscriber. Ctrl-C in a terminal reaches it too, and ends it without a word while it is loading as well.
+WATCH = "import signal; signal.signal(signal.SIGINT, signal.SIG_DFL); from echogrid.commands.demo import watch; watch()"
 DRIVEN = 0.75  # of the whole: what comes after is the picture beside the others
 
 
@@ -115,7 +114,7 @@ def _play_and_watch(service: Service, log: Path, out: Path, on_progress: Callabl
     config = service.config
     try:
         service.live.wait(PATIENCE)
-        command = [sys.executable, "-m", "echogrid.commands.demo", config.publish.listen[0], config.vehicle, str(out)]
+        command = [sys.executable, "-c", WATCH, config.publish.listen[0], config.vehicle, str(out)]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as watcher:
             try:
                 if watcher.stdout is None or watcher.stdout.readline().strip() != "connected":
@@ -131,8 +130,9 @@ def _play_and_watch(service: Service, log: Path, out: Path, on_progress: Callabl
         service.workers.fail(error)
 
 
-def watch(endpoint: str, vehicle: str, out: Path) -> None:
-    """The subscriber: receives windows until the service ends, then draws the newest into received.png."""
+def watch() -> None:
+    """The subscriber: receives windows until the service ends, then draws the newest into received.png. Arguments: endpoint, vehicle, folder."""
+    endpoint, vehicle, out = sys.argv[1:]
     with Client(endpoint, vehicle) as client:
         deadline = time.monotonic() + PATIENCE
         while not client.alive():
@@ -150,7 +150,7 @@ def watch(endpoint: str, vehicle: str, out: Path) -> None:
                 break
     if grids:
         origin, log_odds = merge(grids)
-        save(draw(log_odds, origin, grids[0].cell, np.empty((0, 2))), out / "received.png")
+        save(draw(log_odds, origin, grids[0].cell, np.empty((0, 2))), Path(out) / "received.png")
 
 
 def merge(grids: list[Window]) -> tuple[tuple[float, float], LogOdds]:
@@ -167,7 +167,3 @@ def merge(grids: list[Window]) -> tuple[tuple[float, float], LogOdds]:
         window = np.where(grid.occupancy < 0, 0.0, np.log(p / (1 - p)))
         log_odds[row - top : row - top + height, column - left : column - left + width] = window
     return (left * cell, top * cell), log_odds
-
-
-if __name__ == "__main__":
-    watch(sys.argv[1], sys.argv[2], Path(sys.argv[3]))
