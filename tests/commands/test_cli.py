@@ -227,3 +227,15 @@ def test_ctrl_c_ends_the_demos_subscriber_without_a_word_while_it_is_loading(tmp
         watcher.send_signal(signal.SIGINT)
         _, said = watcher.communicate(timeout=PATIENCE)
     assert (watcher.returncode, said) == (-signal.SIGINT, "")
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+def test_what_the_caller_closed_leads_nowhere(tmp_path: Path, closed: str) -> None:
+    """And is not taken by the files that are opened next, which words would be written into."""
+    (tmp_path / "e.toml").write_text(world.CONFIG)
+    (tmp_path / "a.log").write_text("(1.0) can0 123#00\n")
+    line = f"{sys.executable} -m echogrid replay {tmp_path}/a.log -c {tmp_path}/e.toml --out {tmp_path}/out {closed}"
+    done = subprocess.run(["sh", "-c", line], timeout=PATIENCE, check=False, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (3, "")
+    assert ("none of its 1 frames" in done.stderr) == ("2>" not in closed)
+    assert "Traceback" not in done.stderr

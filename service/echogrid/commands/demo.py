@@ -131,7 +131,7 @@ def _play_and_watch(service: Service, log: Path, out: Path, on_progress: Callabl
 
 
 def watch() -> None:
-    """The subscriber: receives windows until the service ends, then draws the newest into received.png. Arguments: endpoint, vehicle, folder."""
+    """The subscriber of an endpoint, a vehicle: receives windows until the service ends, then draws the newest into OUT's received.png."""
     endpoint, vehicle, out = sys.argv[1:]
     with Client(endpoint, vehicle) as client:
         deadline = time.monotonic() + PATIENCE
