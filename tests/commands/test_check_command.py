@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -71,6 +72,8 @@ def check_page(text: str) -> None:
     assert not [tag for tag, _ in tags if tag in ("script", "link", "img", "iframe")]
     assert not [found for _, found in tags if "src" in found or "href" in found]
     assert len([tag for tag, _ in tags if tag == "svg"]) == 12  # speed, gaps, counts, map; residuals and sectors of four radars
+    named = re.findall(r'fill="(#\w+)">(\w+)</text>', text)
+    assert len(set(named)) == len({name for _, name in named}), "a radar has the same colour in all plots"
     assert "azimuth_sign" in text
     assert ">-0<" not in text
     assert "nan" not in text.lower().replace("nanoseconds", "")

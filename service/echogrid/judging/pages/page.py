@@ -38,11 +38,9 @@ def page_of(recorded: Recorded, judgement: Judgement, said: Sequence[tuple[Findi
     for radar, one in zip(judgement.mended, judgement.velocities, strict=True):
         body.append(_figure(radar.name, _residuals(radar, one)))
     body.append("<h2>Time between scans</h2>")
-    body.append(
-        plot([Curve(radar.name, radar.time[1:], np.diff(radar.time) * 1e3) for radar in recorded.radars if len(radar) > 1], "s", "ms")
-    )
+    body.append(plot([Curve(radar.name, radar.time[1:], np.diff(radar.time) * 1e3) for radar in recorded.radars], "s", "ms"))
     body.append("<h2>Detections in a scan</h2>")
-    counts = [Curve(radar.name, radar.time, radar.counts.astype(float)) for radar in recorded.radars if len(radar)]
+    counts = [Curve(radar.name, radar.time, radar.counts.astype(float)) for radar in recorded.radars]
     body.append(plot(counts, "s", "detections"))
     body.append("<h2>Detections by azimuth</h2>")
     for radar in judgement.mended:
@@ -71,12 +69,12 @@ def _findings(said: Sequence[tuple[Finding, list[str]]], judgement: Judgement) -
 
 def _speeds(recorded: Recorded, judgement: Judgement) -> str:
     """The wheels' speed, and what each radar measures along the car's axis with its own mount."""
-    curves = [Curve("wheels", recorded.speed.time, recorded.speed.value, line=True)] if len(recorded.speed) else []
+    curves = []
     for radar, one in zip(recorded.radars, judgement.velocities, strict=True):
-        if len(one):
-            place = radar.mount.base_from_sensor
-            turned = recorded.yaw_rate.at(one.time) if len(recorded.yaw_rate) else np.zeros(len(one))
-            curves.append(Curve(radar.name, one.time, (one.velocity * np.exp(1j * place.yaw)).real + turned * place.y))
+        place = radar.mount.base_from_sensor
+        turned = recorded.yaw_rate.at(one.time) if len(recorded.yaw_rate) else np.zeros(len(one))
+        curves.append(Curve(radar.name, one.time, (one.velocity * np.exp(1j * place.yaw)).real + turned * place.y))
+    curves.append(Curve("wheels", recorded.speed.time, recorded.speed.value, line=True))
     return plot(curves, "s", "m/s")
 
 
@@ -103,8 +101,7 @@ def _map(recorded: Recorded, judgement: Judgement) -> str:
     for radar, one in zip(recorded.radars, judgement.velocities, strict=True):
         chosen = np.flatnonzero(one.agrees & (radar.range < radar.mount.max_range))
         chosen = chosen[:: max(1, len(chosen) * len(recorded.radars) // MOST_POINTS)]
-        if len(chosen):
-            curves.append(Curve(radar.name, *_placed(radar, chosen, time, poses)))
+        curves.append(Curve(radar.name, *_placed(radar, chosen, time, poses)))
     curves.append(Curve("way", poses[:, 0], poses[:, 1], line=True))
     return plot(curves, "m", "m", equal=True)
 

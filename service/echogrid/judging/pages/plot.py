@@ -13,6 +13,7 @@ from echogrid.core.messages import Floats
 WIDTH, HEIGHT = 900, 260
 LEFT, RIGHT, TOP, BOTTOM = 62, 12, 22, 36
 COLOURS = ("#4c78a8", "#f58518", "#54a24b", "#b279a2", "#e45756", "#72b7b2")
+LETTER = 8  # of a name, at most
 MOST = 1500  # points of a curve
 
 
@@ -27,8 +28,13 @@ class Curve:
 
 
 def plot(curves: Sequence[Curve], x_unit: str, y_unit: str, *, equal: bool = False) -> str:
-    """Curves over one pair of axes; `equal`: as large in x as in y. A sentence where there is nothing to draw."""
-    curves = [curve for curve in curves if len(curve.x)]
+    """Curves over one pair of axes, lines beneath dots, coloured by their place in the list; those without a point are left out.
+
+    `equal`: as large in x as in y. A sentence where there is nothing to draw.
+    """
+    coloured = [(COLOURS[n % len(COLOURS)], curve) for n, curve in enumerate(curves) if len(curve.x)]
+    coloured.sort(key=lambda one: not one[1].line)
+    curves, legend = [curve for _, curve in coloured], max(LEFT + 8, 20 + LETTER * len(y_unit))
     if not curves:
         return "<p>Nothing to draw.</p>"
     x_low, x_high = _limits([curve.x for curve in curves], trimmed=False)
@@ -39,8 +45,7 @@ def plot(curves: Sequence[Curve], x_unit: str, y_unit: str, *, equal: bool = Fal
         scale = max((x_high - x_low) / (WIDTH - LEFT - RIGHT), (y_high - y_low) / (height - TOP - BOTTOM))
         x_high, y_high = x_low + scale * (WIDTH - LEFT - RIGHT), y_low + scale * (height - TOP - BOTTOM)
     drawn = _axes(x_low, x_high, y_low, y_high, height, x_unit, y_unit)
-    for n, curve in enumerate(curves):
-        colour = COLOURS[n % len(COLOURS)]
+    for colour, curve in coloured:
         every = max(1, len(curve.x) // MOST) if not equal or curve.line else 1
         x = LEFT + (curve.x[::every] - x_low) / (x_high - x_low) * (WIDTH - LEFT - RIGHT)
         y = height - BOTTOM - (np.clip(curve.y[::every], y_low, y_high) - y_low) / (y_high - y_low) * (height - TOP - BOTTOM)
@@ -51,7 +56,8 @@ def plot(curves: Sequence[Curve], x_unit: str, y_unit: str, *, equal: bool = Fal
             dots = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(x, y, strict=True))
             drawn.append(f'<path d="{dots}" stroke="{colour}" stroke-width="2.2" stroke-linecap="round" opacity="0.6"/>')
         if curve.name:
-            drawn.append(f'<text x="{LEFT + 8 + 130 * n}" y="14" fill="{colour}">{html.escape(curve.name)}</text>')
+            drawn.append(f'<text x="{legend}" y="14" fill="{colour}">{html.escape(curve.name)}</text>')
+            legend += 40 + LETTER * len(curve.name)
     return _svg(drawn, height)
 
 
