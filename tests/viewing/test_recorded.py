@@ -139,6 +139,16 @@ def test_torn_and_foreign_recordings_end_in_one_sentence(folder: Path, tmp_path:
             McapFeed(tmp_path / f"{name}.mcap").run(threading.Event())
 
 
+def test_a_torn_log_is_complete_as_far_as_it_goes_and_one_without_a_map_says_so(folder: Path, tmp_path: Path) -> None:
+    lines = (folder / "can.log").read_text().splitlines(keepends=True)
+    for name, kept, sentence in (("torn", lines[:2000], "noise"), ("other", ["(1.0) can0 7AA#00\n"], "noise'; no map came of it; ")):
+        (tmp_path / f"{name}.log").write_text("".join(kept) + "noise\n")
+        show = TapeShow(DriveFeed(find_drive(tmp_path / f"{name}.log", folder / "echogrid.toml"), "analytic"))
+        with pytest.raises(EchogridError, match=f"{name}.log: 1 of its parts .*{sentence}"):
+            show.work(threading.Event())
+        assert (show.feed.tape.done, bool(show.feed.tape.end)) == (1.0, name == "torn")
+
+
 def test_a_viewer_plays_seeks_and_pauses(feed: DriveFeed) -> None:
     with served(Ready(feed)) as (_, port), watch(port, {"speed": 16.0}) as viewer, watch(port, {"playing": False, "seek": 2.0}) as other:
         seen = Seen()

@@ -26,6 +26,7 @@ from echogrid.viewing.wire import Plane
 
 SECOND = 10**9  # ns
 UNKNOWN, LEARNED, MEASURED = 0, 1, 2
+NO_MAP = "no map came of it; `echogrid check` says why"
 
 
 class DriveFeed:
@@ -48,17 +49,22 @@ class DriveFeed:
         """Until the end, or `stop`. Raises EchogridError for a recording that is torn, or gives no map; what came before is on the tape."""
         snapshots, announcer = Snapshots(), Announcer(self._config, self._pipeline.model.why)
         frames = self._scene.meta(announcer.about()) + self._true()
-        for update in self._pipeline.updates(self._log.batches()):
-            if stop.is_set():
-                return
-            snapshot = snapshots.take(self._pipeline.mapper, update, self._config.publish)
-            if snapshot is not None:
-                frames += self._shown(snapshot)
-                self.tape.add(update.ego.stamp_ns, frames, self._scene)
-                self.tape.done, frames = self._log.progress, []
+        try:
+            for update in self._pipeline.updates(self._log.batches()):
+                if stop.is_set():
+                    return
+                snapshot = snapshots.take(self._pipeline.mapper, update, self._config.publish)
+                if snapshot is not None:
+                    frames += self._shown(snapshot)
+                    self.tape.add(update.ego.stamp_ns, frames, self._scene)
+                    self.tape.done, frames = self._log.progress, []
+        except EchogridError as torn:
+            if self.tape.end or not self._log.messages:
+                raise
+            raise EchogridError(f"{torn}; {NO_MAP}") from torn
         self.tape.done = 1.0
         if not self.tape.end:
-            raise EchogridError(f"{self._log.path}: no map came of it; `echogrid check` says why")
+            raise EchogridError(f"{self._log.path}: {NO_MAP}")
 
     def _true(self) -> Frames:
         truth = self._truth

@@ -83,7 +83,7 @@ class TapeShow:
         try:
             self.feed.run(stop)
         except EchogridError as error:
-            self.feed.tape.failure = str(error)
+            self.feed.tape.failure, self.feed.tape.done = str(error), 1.0  # no more comes
             raise
 
     async def watch(self, viewer: Viewer) -> None:
