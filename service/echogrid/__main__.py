@@ -8,7 +8,7 @@ from itertools import pairwise
 
 def run() -> None:
     """The program; what a signal does while it is loading, which takes a third of a second, is said before that."""
-    _open_all()
+    open_all()
     words = [word for before, word in pairwise(sys.argv) if not word.startswith("-") and before != "--log-level"]
     if words[:1] == ["run"]:
         signal.signal(signal.SIGHUP, signal.SIG_IGN)  # a service that starts is about to read its configuration
@@ -20,7 +20,7 @@ def run() -> None:
     main()
 
 
-def _open_all() -> None:
+def open_all() -> None:
     """What a caller closed, as `>&-` does, leads nowhere: Python has no such file then, and the next one opened would take its place."""
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None and os.open(os.devnull, os.O_RDWR) == number:

@@ -55,7 +55,8 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         word, known = "", []
         if unknown := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):
-            word, known = unknown[1], [*re.findall(r"[\w.-]+", unknown[2]), *self._option_string_actions]
+            own = self._option_string_actions if message.startswith("argument COMMAND") else ()  # `echogrid help`
+            word, known = unknown[1], [*re.findall(r"[\w.-]+", unknown[2]), *own]
         elif unknown := re.search(r"unrecognized arguments: (?:.* )?(--[\w-]+)", message):
             word, known = unknown[1], sorted(self._options())
             if word in known:  # of another place

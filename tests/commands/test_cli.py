@@ -127,6 +127,7 @@ def test_training_guesses_too(capsys: pytest.CaptureFixture[str]) -> None:
         (["simulat"], "simulate"),
         (["fit", "--drives", "x", "--out", "y", "--tset", "z"], "--test"),
         (["evaluate", "sm"], "sim"),
+        (["simulate", "--family", "tset"], "test"),
     ):
         with pytest.raises(SystemExit, match="2"):
             training.main(arguments)

@@ -2,9 +2,12 @@
 
 import sys
 
+from echogrid.__main__ import open_all
+
 
 def run() -> None:
     """Ends the program; at Ctrl-C with 130 also while it is loading, which takes a second or two."""
+    open_all()
     sys.modules.setdefault("asammdf", None)  # type: ignore[arg-type]  # python-can would import it: most of a second; library.read_mf4 lets it in
     try:
         from echogrid_training.cli import main
