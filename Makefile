@@ -82,7 +82,7 @@ develop: .venv/.develop
 
 .venv/.python:
 	@echo "== a virtual environment in .venv"
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "echogrid needs Python 3.11 or newer; give one with: make PYTHON=python3.11")'
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13) and "echogrid needs Python 3.11 to 3.13, found " + sys.version.split()[0] + "; give one with: make PYTHON=python3.11")'
 	$(PYTHON) -m venv .venv
 	@touch $@
 
