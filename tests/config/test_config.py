@@ -149,6 +149,7 @@ def test_the_smallest_configuration_drives(tmp_path: Path) -> None:
             ('vehicle = "test"', 'ros.namespace = "car"'),
             "ros.namespace: 'car' found, expected /, or names behind slashes such as /echogrid",
         ),
+        (('vehicle = "test"', 'ros.distro = "kilted"'), "or 'off'; 'jazzy' stands for every distribution since Iron"),
         (("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "vehicle_motion"'), "vehicle_motion.toml: kind: 'motion' found, expected 'radar'"),
         (("yaw_deg = 45.0", 'yaw_deg = 45.0\nprofile = "ford_mrr"'), "is shipped without a DBC file"),
         (("yaw_deg = 45.0", 'yaw_deg = 45.0\ndbc = "none.dbc"'), "none.dbc: cannot be read: No such file"),

@@ -28,6 +28,7 @@ PATTERNS = {
     NAMESPACE: "/, or names behind slashes such as /echogrid",
     SHA256: "64 digits from 0 to f",
 }
+NOTES = {"ros.distro": "; 'jazzy' stands for every distribution since Iron"}  # on choices that do not say it themselves
 
 
 class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -99,7 +100,7 @@ def _sentence(message: str, kind: type, document: object) -> str:
     parts = re.findall(r"\w+", key)
     if re.match(r"Invalid (enum )?value", what):
         known = " or ".join(repr(choice) for choice in _choices(msgspec.inspect.type_info(kind), parts))
-        what = f"{_at(document, parts)!r:.60} found, expected {known}"
+        what = f"{_at(document, parts)!r:.60} found, expected {known}{NOTES.get(key, '')}"
     elif what.startswith("Expected "):
         expected = what.removeprefix("Expected ").partition(", got ")[0]
         for pattern, words in PATTERNS.items():
