@@ -110,7 +110,7 @@ def both(folder: Path, name: str) -> list[Input]:
         (lambda p: merge([Input(p / "car.egmap", 3, SE2(0, 0, 0))], p / "a.npz"), "a.npz: expected a name that ends with .egmap"),
         (
             lambda p: merge([Input(p / "car.egmap", e, SE2(0, 0, 0)) for e in (3, 1)], p / "a.egmap"),
-            "car.egmap: fusion: found sum, expected looks as in ",
+            "car.egmap@1: fusion: found sum, expected looks as in ",
         ),
         (lambda p: merge(both(p, "coarse"), p / "a.egmap"), "coarse.egmap: cells: found 0.5 m, expected 0.25 m as in "),
         (

@@ -32,6 +32,10 @@ class Input:
     epoch: int | None
     merged_from_map: SE2
 
+    def __str__(self) -> str:
+        """As it is typed, without its pose."""
+        return f"{self.path}" if self.epoch is None else f"{self.path}@{self.epoch}"
+
     @classmethod
     def parse(cls, text: str) -> Input:
         """`FILE.egmap[@EPOCH][:X,Y,YAW_DEG]`, m and degrees. Raises EchogridError."""
@@ -92,7 +96,7 @@ def merge(
             written += len(tiles)
             if on_progress is not None:
                 on_progress((first + len(batch)) / len(jobs))
-    return f"{out}: {len(inputs)} maps in {written} tiles, radars {', '.join(what.radars) or 'not known'}"
+    return f"{out}: {len(inputs)} map{'s' * (len(inputs) > 1)} in {written} tiles, radars {', '.join(what.radars) or 'not known'}"
 
 
 def plan(inputs: Sequence[Input]) -> tuple[Description, list[Job]]:
@@ -113,12 +117,12 @@ def plan(inputs: Sequence[Input]) -> tuple[Description, list[Job]]:
             ("clamp", what.clamp, first.clamp),
         ):
             if mine != theirs:
-                raise EchogridError(f"{one.path}: {name}: found {mine}, expected {theirs} as in {inputs[0].path}, to merge the two")
+                raise EchogridError(f"{one}: {name}: found {mine}, expected {theirs} as in {inputs[0]}, to merge the two")
         begun_ns.append(what.begun_ns)
         vehicles.add(what.vehicle)
         radars += [radar for radar in what.radars if radar not in radars]
         if len(radars) > MOST_RADARS:
-            raise EchogridError(f"{one.path}: radars: found {len(radars)} names in the maps up to here, expected at most {MOST_RADARS}")
+            raise EchogridError(f"{one}: radars: found {len(radars)} names in the maps up to here, expected at most {MOST_RADARS}")
         bits = tuple(radars.index(radar) for radar in what.radars)
         part = Part(one.path.resolve(), stored.number, placement(one.merged_from_map, what.cell), bits)
         for key in {key for tile in stored.keys for key in touched(tile, part.placement)}:
