@@ -159,3 +159,11 @@ def test_a_folder_is_told_a_file_that_the_command_takes(tmp_path: Path) -> None:
         info(tmp_path)
     with pytest.raises(EchogridError, match=r"is a folder, expected a file such as .*a\.npz$"):
         show(tmp_path)
+
+
+def test_a_store_that_is_closed_to_this_user_is_called_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As one of a service is that runs as a user of its own; root, who runs tests in places, may read all."""
+    write_store(tmp_path / "a.egmap", {})
+    monkeypatch.setattr("os.access", lambda path, mode: False)
+    with pytest.raises(EchogridError, match=r"a\.egmap: cannot be read: Permission denied$"):
+        info(tmp_path / "a.egmap")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,6 +20,8 @@ def open_store(path: Path) -> TileStore:
     """To be read, while a service writes it too. Raises EchogridError."""
     if not path.is_file():
         raise no_file(path, f"*{SUFFIX}")
+    if not os.access(path, os.R_OK):
+        raise EchogridError(f"{path}: cannot be read: {os.strerror(errno.EACCES)}")  # SQLite does not say why
     try:
         return TileStore(path)
     except ForeignFileError as error:
