@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from tests.support import world
 
+from echogrid.cli import _parser
 from echogrid.commands.replay import replay, reported
 from echogrid.config.loading import load_config
 from echogrid.core.radar import doppler_errors
@@ -123,3 +124,16 @@ def test_what_a_replay_has_learned_includes_its_last_cycle(tmp_path: Path, monke
     before = file.mapper.odometry.errors.learned()
     file.mapper.learn()
     assert replay(drive, tmp_path / "out")["learned"] == file.mapper.odometry.errors.learned() != before
+
+
+@pytest.mark.parametrize(
+    "words", ["replay {} -c e.toml --learn-first", "replay {} -c e.toml --publish --store a.egmap", "init {}", "bench {} -c e.toml"]
+)
+def test_a_pipe_is_refused_where_it_would_be_read_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str) -> None:
+    """It waited for ever for a second writer."""
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("a.log")
+    Path("e.toml").write_text(world.CONFIG)
+    given = _parser().parse_args(words.format("a.log").split())
+    with pytest.raises(EchogridError, match="a.log: is a pipe, which can be read once, expected a file"):
+        given.command(given)

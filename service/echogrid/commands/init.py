@@ -14,7 +14,7 @@ from echogrid.commands.terminal import part, progress
 from echogrid.config.loading import load_config
 from echogrid.errors import EchogridError
 from echogrid.files import check_file, whole
-from echogrid.logs.log import Log
+from echogrid.logs.log import Log, check_rereadable
 from echogrid.surveying.heard import Channel, Heard
 from echogrid.surveying.proposal import Proposal, propose
 from echogrid.surveying.senders import Source
@@ -40,6 +40,7 @@ def command(log: Path, dbcs: Sequence[Path], out: Path, *, force: bool, as_json:
     check_file(out, ".toml")
     if out.exists() and not force:
         raise EchogridError(f"{out}: is there already; give another --out, or --force to replace it")
+    check_rereadable(log)
     sources = [Source(path, Dbc(path, path).database) for path in dbcs]
     with progress(f"init {log.name}") as advance:
         heard, torn = _heard(log, part(advance, 0.0, HEARD))

@@ -11,7 +11,7 @@ import msgspec
 from echogrid.config.tables import Config
 from echogrid.core.motion.error_filter import Kept
 from echogrid.errors import EchogridError
-from echogrid.logs.log import Log
+from echogrid.logs.log import Log, check_rereadable
 from echogrid.pipeline import Pipeline
 
 
@@ -23,6 +23,7 @@ def learn(log: Path, config: Config, source: Path, on_progress: Callable[[float]
     """
     if config.motion.learns == "never":
         raise EchogridError(f"{source}: motion.learns: 'never' found, expected 'driving' or 'standing' with --learn-first")
+    check_rereadable(log)
     by_geometry = msgspec.structs.replace(config, model="analytic", model_sha256=None, map=msgspec.structs.replace(config.map, fusion=None))
     pipeline, recording = Pipeline(by_geometry, source), Log(log)
     with suppress(EchogridError):  # what is wrong with the file is said where it is mapped

@@ -25,7 +25,7 @@ from echogrid.config.loading import load_config
 from echogrid.errors import EchogridError, NoMapError
 from echogrid.files import check_file, check_folder, named
 from echogrid.logs.drive import Drive, Truth, find_drive, load_truth
-from echogrid.logs.log import Log
+from echogrid.logs.log import Log, check_rereadable
 from echogrid.pipeline import Pipeline
 from echogrid.store.store_file import SUFFIX
 from echogrid.store.tile_keeper import GOES_ON, TileKeeper
@@ -201,6 +201,7 @@ def begun_ns(first: FrameBatch) -> int:
 
 def first_ns(log: Path) -> int | None:
     """The same of a recording that is yet to be read; None where it has no frame. Raises EchogridError where it cannot be read."""
+    check_rereadable(log)
     first = next(Log(log).batches(), None)
     return None if first is None else begun_ns(first)
 

@@ -150,3 +150,9 @@ class Log:
                         raise ValueError(f"it unpacks to more than {stream.length >> 20} MiB, for which there is no room")
                     file.write(chunk)
             yield from BY_PATH[self._suffix](path, self.account)
+
+
+def check_rereadable(path: Path) -> None:
+    """Before a recording is read more than once. Raises EchogridError for a pipe, whose second reader would wait for ever."""
+    if surely(path.is_fifo):
+        raise EchogridError(f"{path}: is a pipe, which can be read once, expected a file: this reads it twice")

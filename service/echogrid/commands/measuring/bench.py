@@ -19,6 +19,7 @@ from echogrid.commands.measuring.stages import stages
 from echogrid.commands.terminal import progress
 from echogrid.core.kernels.dispatch import WHY
 from echogrid.logs.drive import find_drive
+from echogrid.logs.log import check_rereadable
 
 FLAGS = ("avx2", "avx_vnni", "avx512_vnni", "amx_int8", "asimddp", "i8mm")  # of processors, by which int8 is fast
 
@@ -26,6 +27,7 @@ FLAGS = ("avx2", "avx_vnni", "avx512_vnni", "amx_int8", "asimddp", "i8mm")  # of
 def command(path: Path | None, config: Path | None, model: str | None, seconds: float, *, as_json: bool) -> None:
     """Of a drive folder, or a log with its configuration; None: the shipped drive. Raises EchogridError for what cannot be read."""
     drive = find_drive(path or Path(str(files("echogrid") / "demo_drive")), config)
+    check_rereadable(drive.log)
     with progress("bench") as advance:
         found = stages(drive, model, seconds, advance)
         best = floors()
