@@ -50,6 +50,8 @@ class Parser(argparse.ArgumentParser):
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         self.used = True
+        if "" in (sys.argv[1:] if args is None else args):  # as a path it would be the working folder
+            self.error("an empty word found, expected a name: is a variable of the shell not set?")
         return super().parse_known_args(args, namespace)
 
     def error(self, message: str) -> NoReturn:

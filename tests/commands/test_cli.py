@@ -240,3 +240,13 @@ def test_what_the_caller_closed_leads_nowhere(tmp_path: Path, closed: str) -> No
     assert (done.returncode, done.stdout) == (3, "")
     assert ("none of its 1 frames" in done.stderr) == ("2>" not in closed)
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    "words", [["replay", "a.log", "-c", "e.toml", "--out", ""], ["map", "info", ""], ["run", "-c", "e.toml", "--record", ""]]
+)
+def test_an_empty_word_is_not_the_working_folder(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
+    """As of `--out "$OUT"`, where OUT is not set: the files would lie wherever one is."""
+    with pytest.raises(SystemExit, match="2"):
+        _parser().parse_args(words)
+    assert capsys.readouterr().err.endswith("an empty word found, expected a name: is a variable of the shell not set?\n")
