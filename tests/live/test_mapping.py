@@ -50,7 +50,7 @@ def test_a_map_that_is_more_than_a_second_behind_the_buses_is_stale() -> None:
     thread = threading.Thread(target=mapping.run, args=(stop,))
     thread.start()
     for left in (1, 0):
-        receiving.queue.put("can0", FrameBatch.of([can.Message()]))
+        receiving.queue.put("can0", FrameBatch.of([can.Message()]), time.monotonic())
         while len(seconds) > left and thread.is_alive():
             time.sleep(0.005)
         time.sleep(0.05)
@@ -84,7 +84,7 @@ def test_the_newest_map_goes_out_though_nobody_listened(comes: bool) -> None:
     thread.start()
     for n in range(80):
         if n < 5 or comes:  # frames that complete nothing
-            receiving.queue.put("can0", FrameBatch.of([can.Message()]))
+            receiving.queue.put("can0", FrameBatch.of([can.Message()]), time.monotonic())
         if n < 5:
             until(lambda there=4 - n: len(left) == there)  # type: ignore[misc]
         if n == 20 and comes:
@@ -109,6 +109,6 @@ def test_what_several_buses_had_at_one_time_is_mapped_in_the_order_of_its_times(
         yield from ()
 
     for bus, stamps in (("radars", (1.0, 3.0)), ("chassis", (0.5, 2.0, 3.5))):
-        receiving.queue.put(bus, FrameBatch.of([can.Message(timestamp=stamp, channel=bus) for stamp in stamps]))
+        receiving.queue.put(bus, FrameBatch.of([can.Message(timestamp=stamp, channel=bus) for stamp in stamps]), time.monotonic())
     Mapping(pipeline, take, receiving).run(stop)  # type: ignore[arg-type]
     assert taken == [([0.5, 1.0, 2.0, 3.0, 3.5], [1, 0, 1, 0, 1])]

@@ -90,9 +90,9 @@ def test_while_the_mapping_waits_the_guard_does_not_read(guarded: Receiving, sen
     """Else a frame would lie in the queue, of which the waiting thread knows nothing."""
     put, readers = guarded.queue.put, set[threading.Thread]()
 
-    def noted(bus: str, batch: FrameBatch) -> None:
+    def noted(bus: str, batch: FrameBatch, read_at: float) -> None:
         readers.add(threading.current_thread())
-        put(bus, batch)
+        put(bus, batch, read_at)
 
     guarded.queue.put = noted  # type: ignore[method-assign]
     timer = threading.Timer(0.3, senders[0].send, (frame(0x100, b"", 1.0),))

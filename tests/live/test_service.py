@@ -80,9 +80,9 @@ def test_at_its_own_pace_few_looks_at_the_bus_give_the_map_of_the_file(tmp_path:
     service, file = Service(Pipeline(config, path)), Pipeline(config, path)
     looks, put = list[int](), service.receiving.queue.put
 
-    def noted(bus: str, batch: FrameBatch) -> None:
+    def noted(bus: str, batch: FrameBatch, read_at: float) -> None:
         looks.append(len(batch))
-        put(bus, batch)
+        put(bus, batch, read_at)
 
     service.receiving.queue.put = noted  # type: ignore[method-assign]
     player = Player(service, Log(drive / "can.log"), speed=1.0)

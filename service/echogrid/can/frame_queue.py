@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-import time
 from collections import deque
 from collections.abc import Callable
 
@@ -12,11 +10,11 @@ from numpy.typing import NDArray
 
 from echogrid.can.intake.frames import FrameBatch
 
-Item = tuple[str, FrameBatch, float]  # bus, frames, time.monotonic() when they were put
+Item = tuple[str, FrameBatch, float]  # bus, frames, s of time.monotonic() when they were read
 
 
 class FrameQueue:
-    """Thread-safe; its length is in frames. `dropped` counts the radar frames that were dropped.
+    """One thread at a time puts or takes; its length is in frames. `dropped` counts the radar frames that were dropped.
 
     A full queue drops all radar frames of its older half at once: so whole scans are lost, and the others stay whole. Losing one frame at a
     time would spoil every scan. Ego motion is dropped only if it alone fills four queues, which nothing could map: `dropped_motion`.
@@ -30,28 +28,25 @@ class FrameQueue:
         self.dropped_motion = 0
         self._items: deque[Item] = deque()
         self._frames = 0
-        self._lock = threading.Lock()
         self._room_at = limit  # length at which room is made
 
     def __len__(self) -> int:
         return self._frames
 
-    def put(self, bus: str, batch: FrameBatch) -> None:
+    def put(self, bus: str, batch: FrameBatch, read_at: float) -> None:
         """Never waits."""
-        with self._lock:
-            if self._frames >= self._room_at:
-                self._make_room()
-            self._items.append((bus, batch, time.monotonic()))
-            self._frames += len(batch)
+        if self._frames >= self._room_at:
+            self._make_room()
+        self._items.append((bus, batch, read_at))
+        self._frames += len(batch)
 
     def take(self, most: int) -> list[Item]:
         """The oldest frames, up to the first `most` or more of them; never waits."""
         items, count = list[Item](), 0
-        with self._lock:
-            while self._items and count < most:
-                items.append(self._items.popleft())
-                count += len(items[-1][1])
-            self._frames -= count
+        while self._items and count < most:
+            items.append(self._items.popleft())
+            count += len(items[-1][1])
+        self._frames -= count
         return items
 
     def _make_room(self) -> None:
@@ -59,7 +54,7 @@ class FrameQueue:
         while count < half:
             older.append(self._items.popleft())
             count += len(older[-1][1])
-        motion = [(bus, batch.where(self.is_motion(bus, batch)), put_at) for bus, batch, put_at in older]
+        motion = [(bus, batch.where(self.is_motion(bus, batch)), read_at) for bus, batch, read_at in older]
         kept = sum(len(batch) for _, batch, _ in motion)
         self._frames -= count
         self.dropped += count - kept

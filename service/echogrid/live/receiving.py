@@ -29,7 +29,7 @@ class Receiving:
         self.queue = FrameQueue(QUEUE_FRAMES, signals.are_motion)
         self.pace = Pace()
         self._signals = signals
-        self._lock = threading.Lock()  # held by who reads
+        self._lock = threading.Lock()  # held by who reads, or takes what was read
         self._busy_since: float | None = None  # time.monotonic() when the mapping was given frames; None while it waits for them
         self._left = False  # more frames wait than one look takes
 
@@ -50,9 +50,8 @@ class Receiving:
         if waits:
             wait(self.buses, timeout)
         with self._lock:
-            self._left = self._read()
-            self._busy_since = time.monotonic()
-        return self.queue.take(MOST)
+            self._busy_since = self._read()
+            return self.queue.take(MOST)
 
     def guard(self, stop: threading.Event) -> None:
         """Until `stop`."""
@@ -63,12 +62,11 @@ class Receiving:
             for bus in self.buses:
                 bus.bring_back()
 
-    def _read(self) -> bool:
-        """All buses, once; whether one may have more."""
-        more = False
-        for bus in self.buses:
-            batch = bus.take()
-            if batch is not None:
-                self.queue.put(bus.bus.name, batch)
-                more |= len(batch) == MOST
-        return more
+    def _read(self) -> float:
+        """All buses, once; when that was, by time.monotonic()."""
+        read = [(bus.bus.name, batch) for bus in self.buses if (batch := bus.take()) is not None]
+        now = time.monotonic()
+        for name, batch in read:
+            self.queue.put(name, batch, now)
+        self._left = any(len(batch) == MOST for _, batch in read)
+        return now
