@@ -118,7 +118,7 @@ def frozen(config: Config, cells: int) -> None:
     """Two subscribers of all grids; one stops reading for 15 s."""
     address = endpoint()
     command = [sys.executable, "-m", "tests.bench.subscribers", "watch", address]
-    with Publisher(Publish(listen=(address,)), "car", Ros()) as publisher:
+    with Publisher(Publish(listen=(address,), window_cells=cells), "car", Ros()) as publisher:
         car = Car(config, cells, publisher)
         watchers = [subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) for _ in range(2)]
         drive_for(car, 3.0)
@@ -139,7 +139,7 @@ def frozen(config: Config, cells: int) -> None:
 def joiners(config: Config, cells: int) -> None:
     """How long a client waits for its first map, from nothing and when it is connected."""
     address = endpoint()
-    with Publisher(Publish(listen=(address,)), "car", Ros()) as publisher:
+    with Publisher(Publish(listen=(address,), window_cells=cells), "car", Ros()) as publisher:
         car = Car(config, cells, publisher)
         for _ in range(5):
             car.announce()

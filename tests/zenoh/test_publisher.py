@@ -35,15 +35,15 @@ from echogrid.topics.grids import decode_grid
 from echogrid.topics.topic import FULL, KEY, UPDATE, Message, Topic
 from echogrid.topics.topic import ODOMETRY as ODOM
 from echogrid.zenoh.attachment import decode_attachment, decode_grid_attachment
-from echogrid.zenoh.publisher import Publisher, session_config
+from echogrid.zenoh.publisher import LARGE, Publisher, session_config
 from echogrid.zenoh.ros import topic_keys
 
 EGO = EgoState(1_700_000_000_000_000_001, SE2(3.0, -4.0, math.pi / 2), 8.5, -0.125)
 GRID, ODOMETRY, STATUS = "echogrid/v1/car/grid/fused/full", "echogrid/v1/car/odom", "echogrid/v1/car/status"
 
 
-def publish(port: int) -> Publisher:
-    return Publisher(Publish(listen=(f"tcp/127.0.0.1:{port}",)), "car", Ros())
+def publish(port: int, window_cells: int = 256) -> Publisher:
+    return Publisher(Publish(listen=(f"tcp/127.0.0.1:{port}",), window_cells=window_cells), "car", Ros())
 
 
 @contextmanager
@@ -289,7 +289,7 @@ def test_no_room_for_shared_memory_is_not_the_endpoints_fault(kind: type[BaseExc
 
     monkeypatch.setattr(zenoh, "open", opened)
     with pytest.raises(EchogridError, match=r"^publish: Zenoh gets no shared memory \(OS error 12\), expected a /dev/shm that"):
-        Publisher(Publish(), "car", Ros())
+        Publisher(Publish(window_cells=LARGE), "car", Ros())
 
 
 def test_nobody_to_connect_to_is_no_error(port: int) -> None:
@@ -301,6 +301,22 @@ def test_closing_twice_is_closing_once(port: int) -> None:
     publisher = publish(port)
     publisher.close()
     publisher.close()
+
+
+@pytest.mark.parametrize("cells", [LARGE - 1, LARGE])
+def test_large_windows_alone_go_through_shared_memory(cells: int, port: int) -> None:
+    """The first of them do not either: it begins with them."""
+    grid = messages.grid(0, 0, 0, 0.25, np.zeros((cells, cells), dtype=np.float32))
+    came: list[bool] = []
+
+    def next_one() -> bool:
+        if (sample := subscriber.try_recv()) is not None:
+            came.append(sample.payload.as_shm() is not None)
+        return any(came) or len(came) == 8
+
+    with publish(port, cells) as publisher, subscribed(port, GRID) as subscriber:
+        until(next_one, lambda: publisher.put(grid))
+    assert any(came) == (cells == LARGE)
 
 
 FROZEN = """
@@ -319,7 +335,11 @@ def test_a_frozen_subscriber_delays_nobody(port: int) -> None:
     """More maps than its buffers and the shared memory hold, to one that has stopped reading and one that has not."""
     log_odds = np.zeros((1024, 1024), dtype=np.float32)
     command = [sys.executable, "-c", FROZEN, f"tcp/127.0.0.1:{port}"]
-    with publish(port) as publisher, subscribed(port, GRID) as subscriber, subprocess.Popen(command, stdout=subprocess.PIPE) as frozen:
+    with (
+        publish(port, 1024) as publisher,
+        subscribed(port, GRID) as subscriber,
+        subprocess.Popen(command, stdout=subprocess.PIPE) as frozen,
+    ):
         try:
             assert frozen.stdout is not None
             os.set_blocking(frozen.stdout.fileno(), False)

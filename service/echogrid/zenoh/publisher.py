@@ -24,6 +24,9 @@ from echogrid.zenoh.namesakes import SAID, Namesakes
 from echogrid.zenoh.ros import RosNode, topic_keys, viewed
 from echogrid.zenoh.stream import Stream
 
+# Cells along a window's side from which shared memory is worth what it costs from the first subscriber on: 36 MiB, a thread that looks
+# after it 20 times a second, and what Zenoh leaves in /dev/shm. Smaller windows are as fast without.
+LARGE = 512
 VIEWED = ("**", "**/@adv/**")  # `**` passes over chunks that begin with @, where the last map is asked for
 
 
@@ -49,9 +52,11 @@ class Publisher:
         viewers, senders = (None, None) if settings.tls is None else (settings.tls.viewers, () if pose is None else pose.senders)
         runs = key(vehicle, f"{RUN}/*") if settings.connect else None  # a router of ours may be that of others
         access = access_control(given, viewers, None if pose is None else pose.key, senders, runs)
+        large = settings.window_cells >= LARGE
         self._open = ExitStack()
         try:
-            opened = zenoh.open(session_config(settings.listen, settings.connect, sends=True, credentials=credentials, access=access))
+            session = session_config(settings.listen, settings.connect, sends=True, large=large, credentials=credentials, access=access)
+            opened = zenoh.open(session)
             self.session = self._open.enter_context(opened)
         except BaseException as error:
             if isinstance(error, zenoh.ZError) or type(error).__name__ == "PanicException":  # which has no module to be imported from
@@ -113,19 +118,19 @@ def session_config(
     connect: Sequence[str],
     *,
     sends: bool,
+    large: bool = False,
     credentials: Credentials | None = None,
     access: Mapping[str, object] | None = None,
 ) -> zenoh.Config:
     """Zenoh's configuration for exactly these endpoints, retried forever, and no discovery.
 
-    Raises zenoh.ZError if an endpoint is not of the form that Zenoh reads. `sends`: it is the service's, which also sends large messages
-    through shared memory.
-    `credentials` for tls/ endpoints; `access`: Zenoh's access_control.
+    Raises zenoh.ZError if an endpoint is not of the form that Zenoh reads. `sends`: it is the service's; `large`: whose maps go through
+    shared memory to this machine. `credentials` for tls/ endpoints; `access`: Zenoh's access_control.
     """
     for endpoint in (*listen, *connect):
         if (problem := nowhere(endpoint)) is not None:
             raise zenoh.ZError(f"it {problem.partition(', expected')[0]}")
-    pool = {"enabled": sends, "pool_size": 32 << 20, "message_size_threshold": 16 << 10}
+    pool = {"enabled": large, "pool_size": 32 << 20, "message_size_threshold": 16 << 10}
     settings: dict[str, object] = {
         # A client's open() fails, or waits forever, without a router; others' returns and keeps trying. A router passes nothing
         # from one peer to another, since peers should find each other by themselves; so the service is not a peer.
@@ -143,8 +148,7 @@ def session_config(
         "timestamping": {"enabled": True},  # without, an AdvancedPublisher may have no cache
         "transport/unicast/max_sessions": 32,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": 2_000_000,  # us: a frozen client delays the next so much
-        # From the first large message to this machine on: two of its threads look after it 30 times a second.
-        "transport/shared_memory": {"enabled": True, "mode": "lazy", "transport_optimization": pool},
+        "transport/shared_memory": {"enabled": large or not sends, "mode": "lazy", "transport_optimization": pool},
     }
     if credentials is not None:
         settings["transport/link/tls"] = credentials.zenoh()
