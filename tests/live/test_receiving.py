@@ -100,3 +100,13 @@ def test_while_the_mapping_waits_the_guard_does_not_read(guarded: Receiving, sen
     assert stamps(until(lambda: guarded.look(0.5))) == [1.0]
     timer.join()
     assert readers == {threading.current_thread()}
+
+
+def test_after_a_rest_what_is_there_is_taken_and_none_is_waited_for(guarded: Receiving, senders: list[can.BusABC]) -> None:
+    """Frames have come meanwhile, and if none has the next look waits for one."""
+    guarded.pace.rest = lambda: True  # type: ignore[method-assign]
+    senders[0].send(frame(0x100, b"", 1.0))
+    assert stamps(until(lambda: guarded.look(60.0))) == [1.0]
+    began = time.monotonic()
+    assert guarded.look(60.0) == []
+    assert time.monotonic() - began < 60.0

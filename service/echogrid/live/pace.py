@@ -22,11 +22,13 @@ class Pace:
         self._next_at = 0.0  # when the next look is due
         self._behind = float("inf")  # s: our clock's time when a frame came, less the frame's
 
-    def rest(self) -> None:
-        """Until the next look is due, less what it waits for more frames."""
-        left = self._next_at - GATHER - time.monotonic()
-        if left > 0 and self.rests:
-            time.sleep(left)
+    def rest(self) -> bool:
+        """Until the next look is due; False where it is already, or will be before frames that come now have been waited for."""
+        left = self._next_at - time.monotonic()
+        if left < GATHER or not self.rests:
+            return False
+        time.sleep(left)
+        return True
 
     def came_at(self, stamp: float, looked_at: float) -> float:
         """When a frame of a look was there to be read, by its own time, in s."""
