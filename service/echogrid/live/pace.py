@@ -23,11 +23,11 @@ class Pace:
         self._behind = float("inf")  # s: our clock's time when a frame came, less the frame's
 
     def rest(self) -> bool:
-        """Until the next look is due; False where it is already, or will be before frames that come now have been waited for."""
+        """Until the next look is due, and a moment longer for what comes close behind; False where it is due already."""
         left = self._next_at - time.monotonic()
-        if left < GATHER or not self.rests:
+        if left <= 0 or not self.rests:
             return False
-        time.sleep(left)
+        time.sleep(left + GATHER)
         return True
 
     def came_at(self, stamp: float, looked_at: float) -> float:
