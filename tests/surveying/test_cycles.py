@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import can
 import fastcrc
 import pytest
 from tests.judging.trial import winding
 from tests.support import frames
+from tests.support.paged import paged_dbc
 from tests.support.places import DBC
 
 from echogrid.can import dbc_file
@@ -17,6 +19,9 @@ from echogrid.surveying.counting import checksum_of, counter_of
 from echogrid.surveying.cycles import Shape, shape_of
 from echogrid.surveying.groups import groups_of
 from echogrid.surveying.heard import Channel, Heard
+from echogrid.surveying.proposal import propose
+from echogrid.surveying.senders import Source
+from echogrid.surveying.survey import survey
 
 
 def heard(messages: Sequence[can.Message]) -> Channel:
@@ -53,6 +58,32 @@ def test_pages_after_a_header_with_a_checksum_over_all(shift: int) -> None:
     assert (found.page, found.detections_cycle, found.cycle_bits) == (wanted.detections.page, wanted.detections.cycle, None)
     assert_same_sum(found, wanted)
     assert (found.ends_with, found.frames) == (None, None)
+
+
+def test_pages_of_a_multiplexor_that_number_detections_through() -> None:
+    database = dbc_file.parse(paged_dbc(pages=8).encode())
+    (group,), header = groups_of(database), database.named("RadarHeader")
+    found = shape_of(group, heard(winding(8.0).messages), 0, header)
+    assert (group.per_frame, group.in_a_frame) == (64, 8)
+    assert found is not None
+    assert (found.count, found.page, found.frames) == (("DetectionCount",), "Page", None)
+
+
+def test_frames_that_are_there_and_make_no_cycle_are_told(tmp_path: Path) -> None:
+    """Without headers; and where there are none at all."""
+    dbc = tmp_path / "paged.dbc"
+    dbc.write_text(paged_dbc(pages=8))
+    pages = [m for cycle in range(9) for m in frames.radar_cycle([(5.0, 0.1, -1.0)] * 30, cycle, 100.0)[1:]]
+    told = []
+    for messages in (pages, [frames.yaw_rate(0.1, 1, 100.0)]):
+        found = survey([heard(messages)], [Source(dbc, dbc_file.parse(dbc.read_bytes()))])
+        told += [line for line in propose(found, tmp_path / "drive.log", tmp_path, "new").missing if line.startswith("radars: ")]
+    begin = "radars: the DBC has signals like detections with range, azimuth and range rate"
+    end = "; a skeleton of the profile is written"
+    assert told == [
+        f"{begin}, and the recording has frames of 'RadarDetections', but no whole scans can be made of them{end}",
+        f"{begin}, but the recording has no frames that fit{end}",
+    ]
 
 
 def test_a_frame_for_each_detection() -> None:

@@ -9,6 +9,11 @@ FrameId = tuple[int, bool]  # arbitration id, extended
 Ranges = tuple[tuple[int, int], ...]  # first and last of each
 
 
+def overlap(one: Ranges, other: Ranges) -> bool:
+    """Whether a number is in both."""
+    return any(a <= d and c <= b for a, b in one for c, d in other)
+
+
 @dataclass(frozen=True, slots=True)
 class Signal:
     """One signal as its file describes it; `start` is a DBC's start bit: of a Motorola signal its most significant one.

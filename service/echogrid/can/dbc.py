@@ -11,7 +11,7 @@ from pathlib import Path
 import fastcrc
 
 from echogrid.can import dbc_file, e2e
-from echogrid.can.database import Database, Message, Ranges, Signal
+from echogrid.can.database import Database, Message, Signal, overlap
 from echogrid.can.decode import SignalLayout, fits, layout_of
 from echogrid.errors import EchogridError
 from echogrid.files import read
@@ -55,7 +55,7 @@ class Dbc:
             raise EchogridError(f"{self.profile}: {key}: message '{message.name}' of {self.path} has no signal '{name}'")
         self._check_bits(message, name, found)
         for one, other in combinations(found, 2):
-            if one.selected_by is None or one.selected_by != other.selected_by or _overlap(one.ids or (), other.ids or ()):
+            if one.selected_by is None or one.selected_by != other.selected_by or overlap(one.ids or (), other.ids or ()):
                 raise EchogridError(
                     f"{self.path}: message '{message.name}' has signal '{name}' twice, not in branches that exclude each other"
                 )
@@ -147,10 +147,6 @@ def first_byte(layout: SignalLayout) -> int:
 
 def _algorithms(module: object) -> frozenset[str]:
     return frozenset(getattr(module, "algorithms_available", ()))
-
-
-def _overlap(one: Ranges, other: Ranges) -> bool:
-    return any(a <= d and c <= b for a, b in one for c, d in other)
 
 
 def forget() -> None:

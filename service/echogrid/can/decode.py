@@ -112,9 +112,9 @@ class Decoded(NamedTuple):
 
 
 class _Condition(NamedTuple):
-    """A column's signal is there where the selector's column has a value within one of the ranges."""
+    """The columns' signals are there where the selector's column has a value within one of the ranges."""
 
-    column: int
+    columns: list[int]
     selector: int
     ids: Ranges
 
@@ -142,12 +142,12 @@ class BatchDecoder:
             if signal.selected_by is not None and signal.selected_by not in place:
                 place[signal.selected_by] = len(columns)
                 columns.append(by_name[signal.selected_by])
-        self._conditions = [
-            _Condition(column, place[above.selected_by], above.ids or ())
-            for column, signal in enumerate(columns)
-            for above in _chain(signal, by_name)
-            if above.selected_by is not None
-        ]
+        conditions: dict[tuple[int, Ranges], list[int]] = {}
+        for column, signal in enumerate(columns):
+            for above in _chain(signal, by_name):
+                if above.selected_by is not None:
+                    conditions.setdefault((place[above.selected_by], above.ids or ()), []).append(column)
+        self._conditions = [_Condition(those, *condition) for condition, those in conditions.items()]
         self.layouts = tuple(layout_of(signal) for signal in columns)
         self._compile()
 
@@ -172,9 +172,9 @@ class BatchDecoder:
         loops.signals(payloads, self._places, self._linear, bits, raw, values, there)
         if self._floats or self._unsigned64 or self._big:
             self._rewrite(bits, raw, values)
-        for column, selector, ids in self._conditions:
+        for those, selector, ids in self._conditions:
             chosen = np.trunc(values[:, selector])
-            there[:, column] &= np.logical_or.reduce([(first <= chosen) & (chosen <= last) for first, last in ids])
+            there[:, those] &= np.logical_or.reduce([(first <= chosen) & (chosen <= last) for first, last in ids])[:, None]
         if self._conditions:
             values[~there] = np.nan
         for column, other in self._branches:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from itertools import chain
+from itertools import chain, combinations, groupby
 
 import numpy as np
+from numpy.typing import NDArray
 
-from echogrid.can.database import Message
+from echogrid.can.database import Message, Ranges, overlap
 from echogrid.can.dbc import Dbc
 from echogrid.can.decode import BatchDecoder, Payloads, place_of, same_layout
 from echogrid.can.profile import Quantity, Valid
@@ -20,6 +21,7 @@ from echogrid.core.messages import Floats
 from echogrid.errors import EchogridError
 
 PLACE = re.compile(r"\{[nk](:0\dd)?\}")
+SPARED = ("rcs",)  # what a detection need not have
 
 
 class QuantityReader:
@@ -44,8 +46,12 @@ class QuantityReader:
         self.per_frame = per_frame
         flags = [flag for q in quantities.values() for flag in (q.valid, q.negative_if) if flag is not None]
         flags += [valid] if valid is not None else []
+        needed = [one for name, q in quantities.items() if name not in SPARED for one in (q, q.valid, q.negative_if)]
+        self.needed = tuple(dict.fromkeys(one.signal for one in (*needed, valid) if one is not None))  # signals of a whole one
         templates = dict.fromkeys([q.signal for q in quantities.values()] + [flag.signal for flag in flags])
-        self._compile({template: row for row, template in enumerate(templates)}, valid)
+        rows = {template: row for row, template in enumerate(templates)}
+        self._compile(rows, valid)
+        self._needed = [rows[template] for template in self.needed]
         decoders = []
         for n, message in enumerate(messages, first_n):
             names = [fill(template, key, dbc, n=n, k=k) for template in templates for k in range(first_k, first_k + per_frame)]
@@ -63,12 +69,22 @@ class QuantityReader:
     def read(self, payloads: Payloads) -> dict[str, Floats]:
         """(N * per_frame,) SI values of each quantity of payloads (N, length or more), frame by frame; NaN where it is absurd or not valid,
         by its own flag or all."""
+        return self._read(payloads)[0]
+
+    def read_there(self, payloads: Payloads) -> dict[str, Floats]:
+        """As `read`, (M,) values: without those of which a multiplexor leaves out a signal of `needed`."""
+        values, there = self._read(payloads)
+        whole = there.reshape(len(there), -1, self.per_frame)[:, self._needed].all(axis=1).ravel()
+        return values if whole.all() else {name: value[whole] for name, value in values.items()}
+
+    def _read(self, payloads: Payloads) -> tuple[dict[str, Floats], NDArray[np.bool_]]:
+        """As `read`, and which signals are there."""
         physical, raw, there = self._decoder.decoded(payloads[:, : self._decoder.length])
         out = np.empty((len(self._plan), len(payloads) * self.per_frame))
         loops.quantities(
             physical, raw, there, self.per_frame, self._plan, self._units, self._flags, self._numbers, self._everywhere, GREATEST, out
         )
-        return dict(zip(self.quantities, out, strict=True))
+        return dict(zip(self.quantities, out, strict=True)), there
 
     def plan(self, columns: Sequence[str]) -> Plan | None:
         """The same for the loops that read frames as they come, each quantity in the column of its name; None where only `read` can."""
@@ -101,6 +117,49 @@ class QuantityReader:
         self._units = np.array([(one.factor, one.offset) for one in quantities], dtype=float).reshape(-1, 2)
         self._flags = np.array(flags, dtype=np.int64).reshape(-1, 4)
         self._numbers = np.array(numbers, dtype=np.int64)
+
+
+def most_in_a_frame(message: Message, whole: Sequence[Sequence[str]]) -> int:
+    """Of numbered things (N,), each whole where its signals are there, how many one frame has: less than all where a multiplexor has the
+    message in pages, each with the next of them.
+
+    Raises ValueError where they never are whole, or where it does not follow from their number how many frames they take.
+    """
+    conditions = [_condition(message, names) for names in whole]
+    for names, condition in zip(whole, conditions, strict=True):
+        if any(_exclude({one}, {other}) for one, other in combinations(condition, 2)):
+            raise ValueError(f"{', '.join(names)} found, which are never in one frame, expected all of a detection in one")
+    pages = [(condition, len(list(same))) for condition, same in groupby(conditions)]
+    apart = [_exclude(one, other) for (one, _), (other, _) in combinations(pages, 2)]
+    if not any(apart):
+        return len(whole)
+    sizes = [size for _, size in pages]
+    if not all(apart) or {*sizes[:-1]} != {max(sizes)}:
+        found = "frames " + ("that overlap" if not all(apart) else "of " + " and of ".join(map(str, dict.fromkeys(sizes))))
+        raise ValueError(f"'{message.name}' is multiplexed, and has its detections in {found}, expected as many in each, in their order")
+    return max(sizes)
+
+
+Condition = frozenset[tuple[str, Ranges]]  # selectors, and what all of these are to be
+
+
+def _condition(message: Message, names: Sequence[str]) -> Condition:
+    """Under which all of those signals are there."""
+    found = set[tuple[str, Ranges]]()
+    for name in names:
+        signals = message.named(name)
+        while signals and (selector := signals[0].selected_by) is not None:
+            one = selector, tuple(sorted(ids for signal in signals for ids in signal.ids or ()))
+            if one in found:
+                break
+            found.add(one)
+            signals = message.named(selector)
+    return frozenset(found)
+
+
+def _exclude(one: Condition | set[tuple[str, Ranges]], other: Condition | set[tuple[str, Ranges]]) -> bool:
+    """Whether the two cannot hold in one frame."""
+    return any(a == b and not overlap(ids, others) for a, ids in one for b, others in other)
 
 
 def fill(template: str, key: str, dbc: Dbc, **numbers: int) -> str:

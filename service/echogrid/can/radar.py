@@ -15,7 +15,7 @@ from echogrid.can.database import FrameId, Message
 from echogrid.can.dbc import Checksum, Dbc
 from echogrid.can.decode import SignalLayout, place_of
 from echogrid.can.profile import Detections, RadarProfile
-from echogrid.can.quantity import QuantityReader, fill
+from echogrid.can.quantity import QuantityReader, fill, most_in_a_frame
 from echogrid.core.health import SensorHealth
 from echogrid.core.kernels.identify import Sort
 from echogrid.core.kernels.scans import NEVER, chosen
@@ -55,7 +55,7 @@ class RadarReader:
             frames=profile.frames,
             cycle_bits=profile.detections.cycle_bits,
             timeout_ns=round(profile.timeout_ms * 1e6),
-            per_frame=profile.detections.per_frame,
+            per_frame=layout.in_a_frame,
             cycle=place_of(layout.cycle),
             detections_cycle=place_of(layout.detections_cycle),
             page=place_of(layout.page),
@@ -96,7 +96,7 @@ class RadarReader:
         return crc is None or crc.holds(payload)
 
     def scan(self, cycle: Cycle, received_ns: int) -> RadarScan | None:
-        """What a whole cycle says; None, and counted, where its checksum is wrong."""
+        """What a whole cycle says; None, and counted, where its checksum is wrong or its frames have less than its header says."""
         health, cadence = self.health, self.cadence
         if self._sum is not None and (cycle.summed is None or self._sum(cycle.summed) != cycle.said):
             health.bad_crc += 1
@@ -104,7 +104,11 @@ class RadarReader:
         values, columns, invalid, truncated = cycle.values, cycle.columns, cycle.invalid, cycle.truncated
         if cycle.unread is not None:
             values = self._values(cycle.unread)
-            columns, invalid, truncated = self._detections(cycle.unread)
+            detections = self._detections(cycle.unread)
+            if detections is None:
+                health.incomplete += 1
+                return None
+            columns, invalid, truncated = detections
         health.invalid += invalid
         health.truncated += truncated
         age, ambiguity, blockage = values
@@ -135,14 +139,14 @@ class RadarReader:
             found |= layout.age.read(cycle.age)
         return [float(found[name][0]) if name in found else math.nan for name in VALUES]
 
-    def _detections(self, cycle: Unread) -> tuple[Columns, int, int]:
-        """As a cycle's columns, and how many are invalid and too many."""
+    def _detections(self, cycle: Unread) -> tuple[Columns, int, int] | None:
+        """As a cycle's columns, and how many are invalid and too many; None where some that were announced have not come."""
         if not len(cycle.detections):
             return (np.empty(0),) * 4, 0, 0
-        values = self.layout.detections.read(cycle.detections)
-        if cycle.announced >= 0:
-            values = {name: value[: cycle.announced] for name, value in values.items()}
-        kept, invalid, truncated = chosen(_polar(values), self.profile.max_detections)
+        found = _polar(self.layout.detections.read_there(cycle.detections))
+        if cycle.announced > found.shape[1]:
+            return None
+        kept, invalid, truncated = chosen(found[:, : cycle.announced] if cycle.announced >= 0 else found, self.profile.max_detections)
         return (kept[0], kept[1], kept[2], kept[3]), invalid, truncated
 
 
@@ -230,6 +234,12 @@ class _Layout:
         def name(template: str) -> str:  # of a signal in the first message: all are laid out alike
             return fill(template, "detections", dbc, n=first_n)
 
+        numbers = range(detections.first_k, detections.first_k + detections.per_frame)
+        whole = [[fill(one, "detections", dbc, n=first_n, k=k) for one in self.detections.needed] for k in numbers]
+        try:
+            self.in_a_frame = most_in_a_frame(first, whole)
+        except ValueError as error:
+            raise EchogridError(f"{dbc.profile}: detections: {dbc.path}: {error}") from error
         page, cycle, crc = detections.page, detections.cycle, detections.crc
         self.page = dbc.integer(first, name(page), "detections.page") if page else None
         self.detections_cycle = dbc.integer(first, name(cycle), "detections.cycle") if cycle else None

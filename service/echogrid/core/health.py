@@ -11,7 +11,7 @@ class SensorHealth:
     frames or detections."""
 
     complete: int = 0
-    incomplete: int = 0  # a frame was missing when the next cycle began, or the time-out passed
+    incomplete: int = 0  # frames, or detections that the header counts, were missing when the next cycle began or the time-out passed
     late: int = 0  # complete, but too old to be placed, or not newer than the last one
     repeated: int = 0  # frames, headers or whole cycles received twice
     wrong_cycle: int = 0  # detection frames that belong to no open cycle

@@ -95,11 +95,11 @@ def _with_header(split: _Split, group: Group) -> list[Shape]:
     others = [s for s in integers(split.message) if s not in named and 4 <= s.length <= 16]
     sums = [(s,) for s in named] + [(a, b) for n, a in enumerate(named) for b in named[:n]] + [(s,) for s in others]
     payloads = [bytes(head.data) for head in split.heads]
-    shapes = []
+    shapes, each = [], group.in_a_frame
     usual, often = Counter(numbers).most_common(1)[0]
     constant = often / len(numbers)
     for signals in sums:
-        wanted = [-(-sum(values) // group.per_frame) for values in zip(*(raw(s, payloads) for s in signals), strict=True)]
+        wanted = [-(-sum(values) // each) for values in zip(*(raw(s, payloads) for s in signals), strict=True)]
         if len(set(wanted)) == 1 and signals[0] in others:
             continue  # a constant that happens to fit
         names = tuple(s.name for s in signals)
@@ -110,7 +110,7 @@ def _with_header(split: _Split, group: Group) -> list[Shape]:
         elif last >= AGREES:
             shapes.append(Shape(last, split.message, names, ends_with=split.message.name))
     if not shapes and constant >= AGREES and usual:
-        count = tuple(s.name for s in named[:1] if max(raw(s, payloads)) <= usual * group.per_frame and len(set(raw(s, payloads))) > 1)
+        count = tuple(s.name for s in named[:1] if max(raw(s, payloads)) <= usual * each and len(set(raw(s, payloads))) > 1)
         end = None if split.comes_first else split.message.name
         shapes.append(Shape(constant, split.message, count, frames=usual, ends_with=end))
     return shapes

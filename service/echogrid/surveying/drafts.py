@@ -34,12 +34,14 @@ MOST_SEEN = 4000  # frames that are looked at
 
 @dataclass(slots=True)
 class Draft:
-    """A profile as tables; `remarks` by key: why the line is uncertain. `dbc`: the file that it reads."""
+    """A profile as tables; `remarks` by key: why the line is uncertain. `dbc`: the file that it reads. `heard`: of a skeleton, messages
+    that the recording has all the same."""
 
     kind: str
     dbc: Path
     tables: dict[str, Any] = field(default_factory=dict)
     remarks: dict[Key, str] = field(default_factory=dict)
+    heard: tuple[str, ...] = ()
 
     @property
     def document(self) -> dict[str, Any]:

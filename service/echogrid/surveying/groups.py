@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from echogrid.can.database import Database, Message, Signal
+from echogrid.can.quantity import SPARED, most_in_a_frame
 from echogrid.surveying.words import detection_role
 
 DIGITS = re.compile(r"\d+")
@@ -46,6 +47,15 @@ class Group:
         used = {self.roles[role].format(n=self.n[0] if self.n else 0, k=k) for role in self.roles for k in self._numbers}
         stems = {DIGITS.sub("#", name) for name in used} if self.per_frame > 1 else set()
         return [s for s in self.messages[0].signals if s.name not in used and DIGITS.sub("#", s.name) not in stems]
+
+    @property
+    def in_a_frame(self) -> int:
+        """How many of the numbered detections one frame has: a multiplexor may have the message in pages."""
+        n, roles = self.n[0] if self.n else 0, [name for role, name in self.roles.items() if role not in SPARED]
+        try:
+            return most_in_a_frame(self.messages[0], [[name.format(n=n, k=k) for name in roles] for k in self._numbers])
+        except ValueError:  # as the profile's reader says in a sentence
+            return self.per_frame
 
     @property
     def _numbers(self) -> range:

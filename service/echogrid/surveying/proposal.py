@@ -141,17 +141,19 @@ def _motion(sender: MotionSender, names: Mapping[str | int, str], radius: float 
 def _missing(survey: Survey) -> list[str]:
     """What a configuration needs and the recording or the DBCs do not give."""
     said = []
-    have = {draft.kind for draft in survey.skeletons}
-    for kind, there, what, like in (
-        ("motion", survey.motion is not None, "wheel speeds and yaw rate", "them"),
-        ("radar", bool(survey.radars), "radars", "detections with range, azimuth and range rate"),
+    have = {draft.kind: draft.heard for draft in survey.skeletons}
+    for kind, there, what, like, none in (
+        ("motion", survey.motion is not None, "wheel speeds and yaw rate", "them", "no ego motion"),
+        ("radar", bool(survey.radars), "radars", "detections with range, azimuth and range rate", "no whole scans"),
     ):
         if there:
             continue
         if kind in have:
-            said.append(
-                f"{what}: the DBC has signals like {like}, but the recording has no frames that fit; a skeleton of the profile is written"
-            )
+            why = "but the recording has no frames that fit"
+            if names := have[kind]:
+                more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+                why = f"and the recording has frames of '{names[0]}'{more}, but {none} can be made of them"
+            said.append(f"{what}: the DBC has signals like {like}, {why}; a skeleton of the profile is written")
         else:
             said.append(
                 f"{what}: no message of the DBCs or of a shipped profile looks like {like}; "

@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from echogrid.can.database import Message
 from echogrid.core.messages import EgoMotion
 from echogrid.core.motion.se2 import SE2
 from echogrid.core.radar.mount import Mount
@@ -88,23 +89,28 @@ def survey(channels: Sequence[Channel], sources: Sequence[Source]) -> Survey:
         signs,
         drafts,
         _first_bend(yaw_rate, signs.turn),
-        skeletons(sources, bool(found), motion),
+        skeletons(channels, sources, bool(found), motion),
     )
 
 
 ORDER = ("front_left", "front_right", "rear_left", "rear_right")
 
 
-def skeletons(sources: Sequence[Source], radars: bool, motion: MotionSender | None) -> tuple[Draft, ...]:
+def skeletons(channels: Sequence[Channel], sources: Sequence[Source], radars: bool, motion: MotionSender | None) -> tuple[Draft, ...]:
     """Profiles whose signals are those of the DBCs, where no frames of them could be read."""
+
+    def heard(messages: Sequence[Message]) -> tuple[str, ...]:
+        return tuple(one.name for one in messages if any(c.has(one.id) and c.lengths[one.id] >= one.length for c in channels))
+
     found = []
     groups = [(group, source.path) for source in sources for group in groups_of(source.database)]
     if not radars and groups:
         group, path = max(groups, key=lambda one: len(one[0].messages) * one[0].per_frame)
-        found.append(radar_draft(group, None, path))
+        found.append(replace(radar_draft(group, None, path), heard=heard(group.messages)))
     signals = [(one, source.path) for source in sources for one in motion_signals(source.database)[:1]]
     if motion is None and signals:
-        found.append(motion_draft(*signals[0], (), ())[0])
+        one, path = signals[0]
+        found.append(replace(motion_draft(one, path, (), ())[0], heard=heard((one.wheels, one.turning))))
     return tuple(found)
 
 

@@ -59,6 +59,7 @@ def assembling(random: Random, size: int) -> list[Any]:
     first, second, third = (plans.add(plan(random, 4, each, names)) for each, names in ((2, 5), (1, 6), (3, 4)))
     values, age = plans.add(plan(random, 3, 1, 5)), plans.add(plan(random, 3, 1, 4))
     rules = [(0, 1, -1, -1, 40, 2, first, values, age, 1, 3, 4, 0, 1, 3), (1, 1, -1, 3, 40, 1, second, values, -1, 99, 2, 3, 2, 0, 0)]
+    rules[0] = (*rules[0][:2], int(random.choice([-1, -1, 1, 2])), *rules[0][3:])  # fewer frames than its header says, or more
     bits = int(random.choice([1, 2]))  # of the header's number that the second radar's detections have
     rules[1] = (*rules[1][:3], 2**bits - 1, *rules[1][4:])
     rules += [(1, 0, 2, -1, 40, 1, third, -1, -1, 1, 3, 0, -1, 0, 0), (1, 0, 1, -1, 40, 1, -1, -1, -1, 99, 3, 0, -1, 0, 0)]

@@ -168,8 +168,7 @@ class Radar:
         state, always = self.state, self.rule[Rule.ALWAYS]
         if not state[State.HAS_HEADER]:
             return bool(not self.rule[Rule.NEEDS_HEADER] and state[State.FRAMES] == always)
-        expected = state[State.EXPECTED] if always < 0 else always
-        return bool(expected < 0 or state[State.FRAMES] >= expected)
+        return bool(state[State.FRAMES] >= max(state[State.EXPECTED], always))  # a header may say more than there ever is
 
     def _close(self) -> bool:
         state = self.state

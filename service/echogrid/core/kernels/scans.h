@@ -30,8 +30,7 @@ static void open_cycle(Radar *radar, int64_t received_ns) {
 static int is_whole(const Radar *radar) {
     const int64_t *state = radar->state, *rule = radar->rule;
     if (!state[HAS_HEADER]) return !rule[NEEDS_HEADER] && state[FRAMES] == rule[ALWAYS];
-    int64_t expected = rule[ALWAYS] < 0 ? state[EXPECTED] : rule[ALWAYS];
-    return expected < 0 || state[FRAMES] >= expected;
+    return state[FRAMES] >= (rule[ALWAYS] > state[EXPECTED] ? rule[ALWAYS] : state[EXPECTED]); /* a header may say more than there ever is */
 }
 
 /* Whether the cycle is whole: its frames then lie in the order of their slots, without those of other cycles. */
