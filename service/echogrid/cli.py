@@ -126,6 +126,7 @@ def _parser() -> argparse.ArgumentParser:
         "--seconds", type=arguments.seconds, metavar="N", help="instead of a LOG: listen to the configured buses for so long"
     )
     check.add_argument("--fix-out", type=Path, metavar="FILE.toml", help="the mended configuration, with its profiles beside it")
+    check.add_argument("--force", action="store_true", help="replace files of --fix-out that are there")
     check.add_argument("--report", type=Path, metavar="FILE.html", help="one page with plots")
     check.set_defaults(command=_check)
 
@@ -258,7 +259,7 @@ def _view(given: argparse.Namespace) -> None:
 def _check(given: argparse.Namespace) -> None:
     from echogrid.commands.check import command
 
-    options = {"as_json": given.json, "fix_out": given.fix_out, "page": given.report}
+    options = {"as_json": given.json, "fix_out": given.fix_out, "page": given.report, "force": given.force}
     if not command(given.config, given.log, seconds=given.seconds, **options):
         sys.exit(2)
 

@@ -45,7 +45,13 @@ def test_a_sound_drive_exits_with_0(tmp_path: Path) -> None:
 def test_what_is_mended_is_sound(mirrored: tuple[Path, Path], tmp_path: Path) -> None:
     """The mended configuration in another folder, with its own copy of the profile: nothing is found any more."""
     config, log = mirrored
-    done = echogrid("check", "-c", config, log, "--json", "--fix-out", tmp_path / "mended.toml", "--report", tmp_path / "page.html")
+    wanted = "check", "-c", config, log, "--json", "--fix-out", tmp_path / "mended.toml", "--report", tmp_path / "page.html"
+    profile = tmp_path / "mended_own_radar.toml"
+    profile.write_text("mine")
+    done = echogrid(*wanted)
+    assert (done.returncode, profile.read_text(), (tmp_path / "mended.toml").exists()) == (1, "mine", False)
+    assert done.stderr == f"echogrid: {profile}: is there already; give another --fix-out, or --force to replace it\n"
+    done = echogrid(*wanted, "--force")
     assert (done.returncode, done.stderr) == (2, "")
     told = json.loads(done.stdout)
     assert {one["code"] for one in told["findings"]} == {"azimuth_sign", "mount_yaw"}
@@ -80,11 +86,12 @@ def check_page(text: str) -> None:
 
 
 def test_what_cannot_be_read_is_one_sentence(mirrored: tuple[Path, Path], tmp_path: Path) -> None:
-    config, _ = mirrored
+    config, log = mirrored
     for arguments, said in (
         (("-c", config, tmp_path / "none.log"), "none.log"),
         (("-c", tmp_path / "none.toml", tmp_path / "none.log"), "none.toml"),
         (("-c", config, "--report", "a.html"), "--fix-out and --report need a LOG"),
+        (("-c", config, log, "--fix-out", config), f"{config}: is there already; give another --fix-out, or --force to replace it"),
     ):
         done = echogrid("check", *arguments)
         assert done.returncode == 1

@@ -124,13 +124,17 @@ def test_what_is_there_is_not_replaced(tmp_path: Path) -> None:
 
 
 def test_a_dbc_that_nothing_was_read_by_is_told(tmp_path: Path) -> None:
-    """That of another car, and one whose messages the recording has, but a shipped profile reads them; not one that a profile names."""
+    """That of another car, and one whose messages the recording has, but a shipped profile reads them; not one that a profile names,
+    by whatever way it was given, and not for that one of its name in another folder."""
     heard = Heard()
     for message in radar_cycle([(5.0, 0.1, -1.0)] * 9, 1, 100.0):
         heard.add(message)
-    paths = [ROOT / "examples" / "owl" / "owl.dbc", DBC / "corner_radar.dbc", DBC / "vehicle_motion.dbc"]
+    other = tmp_path / "vehicle_motion.dbc"
+    other.write_bytes((DBC / "corner_radar.dbc").read_bytes())
+    paths = [ROOT / "examples" / "owl" / "owl.dbc", DBC / "corner_radar.dbc", DBC / "vehicle_motion.dbc", other]
     sources = [Source(path, Dbc(path, path).database) for path in paths]
-    assert _unused(sources, ['dbc = "../vehicle_motion.dbc"'], heard) == [
+    assert _unused(sources, [DBC / ".." / "dbc" / "vehicle_motion.dbc"], heard) == [
         f"{paths[0]}: none of its messages is in the recording",
         f"{paths[1]}: 2 of its 2 messages are in the recording, and neither a radar nor motion is read by them",
+        f"{other}: 2 of its 2 messages are in the recording, and neither a radar nor motion is read by them",
     ]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from echogrid.commands.check_report import as_document, configured, render, said
 from echogrid.commands.judged import check_live, check_log
-from echogrid.commands.mended import write_mended
+from echogrid.commands.mended import check_new, write_mended
 from echogrid.commands.terminal import progress
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
@@ -28,10 +28,12 @@ def command(
     as_json: bool = False,
     fix_out: Path | None = None,
     page: Path | None = None,
+    force: bool = False,
 ) -> bool:
     """Prints what was found; returns whether nothing is wrong. `seconds`: so long the configured buses are listened to, instead of a log.
 
-    Raises EchogridError where configuration, log or bus cannot be read, and, after all is printed, where the log is torn, its times are
+    Raises EchogridError where configuration, log or bus cannot be read, a file of `fix_out` is there already and not to be replaced by
+    `force`, and, after all is printed, where the log is torn, its times are
     none, or a file that the configuration names would end the service at its start: a recording may be checked where that is not.
     """
     if log is not None and seconds is not None:
@@ -60,6 +62,8 @@ def command(
     for written, suffix in ((page, ".html"), (fix_out, ".toml")):
         if written is not None:
             check_file(written, suffix)
+    if fix_out is not None and not force:
+        check_new(fix_out)
     name = log.name if log is not None else "the live buses"
     with progress(f"check {name}") as advance:
         report = (
@@ -73,7 +77,7 @@ def command(
         with whole(page) as partial:
             partial.write_text(page_of(report.recorded, report.judgement, said(report), f"{name} with {config_path.name}"))
     if fix_out is not None:
-        write_mended(report, config_path, fix_out)
+        write_mended(report, config_path, fix_out, force=force)
     files = [str(path) for path in (page, fix_out) if path is not None]
     if files and not as_json:
         print(f"written: {', '.join(files)}")

@@ -54,7 +54,7 @@ def command(log: Path, dbcs: Sequence[Path], out: Path, *, force: bool, as_json:
     for name, text in texts.items():
         with whole(out.parent / name) as partial:
             partial.write_text(text)
-    unused = _unused(sources, texts.values(), heard)
+    unused = _unused(sources, _read_by(found, proposal), heard)
     accepted = report is not None and not report.findings and not proposal.missing
     if as_json:
         document = _document(found, proposal, report, [out.parent / name for name in texts])
@@ -67,11 +67,17 @@ def command(log: Path, dbcs: Sequence[Path], out: Path, *, force: bool, as_json:
     return accepted
 
 
-def _unused(sources: Sequence[Source], texts: Collection[str], heard: Heard) -> list[str]:
-    """The DBCs that no written file names, and what the recording has of them."""
-    said = []
+def _read_by(found: Survey, proposal: Proposal) -> list[Path]:
+    """The DBCs that the written files name."""
+    given = [*(radar.sender.dbc for radar in found.radars), None if found.motion is None else found.motion.dbc]
+    return [*(draft.dbc for draft in proposal.drafts.values()), *(path for path in given if path is not None)]
+
+
+def _unused(sources: Sequence[Source], named: Collection[Path], heard: Heard) -> list[str]:
+    """The DBCs that are not named, and what the recording has of them."""
+    said, files = [], {path.resolve() for path in named}
     for source in sources:
-        if any(source.path.name in text for text in texts):
+        if source.path.resolve() in files:
             continue
         ids = {(message.frame_id, message.is_extended_frame) for message in source.database.messages}
         there = sum(any(channel.counts[one] for channel in heard.channels) for one in ids)

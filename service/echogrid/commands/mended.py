@@ -11,14 +11,24 @@ from echogrid.commands.judged import Report
 from echogrid.config.editing import Path as Keys
 from echogrid.config.editing import edited
 from echogrid.config.tables import Config
-from echogrid.files import named, read, whole
+from echogrid.errors import EchogridError
+from echogrid.files import read, whole
 from echogrid.judging.mending import MOTION, POSE
 
 MOST_BYTES = 1 << 20  # of a configuration or profile
 
 
-def write_mended(report: Report, source: Path, out: Path) -> None:
-    """The configuration with all fixes, and the profiles that need some beside it; what is left as it was keeps its comments."""
+def check_new(path: Path) -> None:
+    """Raises EchogridError where something is there already."""
+    if path.exists():
+        raise EchogridError(f"{path}: is there already; give another --fix-out, or --force to replace it")
+
+
+def write_mended(report: Report, source: Path, out: Path, *, force: bool) -> None:
+    """The configuration with all fixes, and the profiles that need some beside it; what is left as it was keeps its comments.
+
+    Raises EchogridError, and nothing is written, where one of the files is there already and is not to be replaced by `force`.
+    """
     config = report.listener.config
     changes: dict[Keys, Any] = _moved(config, source.parent, out.parent)
     profiles: dict[str, dict[Keys, Any]] = {}
@@ -27,6 +37,7 @@ def write_mended(report: Report, source: Path, out: Path) -> None:
         for owner, own in fix.profiles.items():
             profiles.setdefault(owner, {}).update(own)
     written: dict[tuple[str, str], str] = {}
+    texts: dict[str, str] = {}  # by file name
     for owner, own in profiles.items():
         index = None if owner in (MOTION, POSE) else [radar.name for radar in config.radar].index(owner)
         configured = config.radar[index] if index is not None else config.pose if owner == POSE else config.motion
@@ -37,17 +48,19 @@ def write_mended(report: Report, source: Path, out: Path) -> None:
         if kind not in written:
             same = sum(stem == profile.stem for stem, _ in written)
             written[kind] = f"{out.stem}_{profile.stem}{same + 1 if same else ''}.toml"
-            text = edited(read(profile, MOST_BYTES).decode("utf-8-sig"), own)
-            with named(out.parent / written[kind]):
-                (out.parent / written[kind]).write_text(text)
+            texts[written[kind]] = edited(read(profile, MOST_BYTES).decode("utf-8-sig"), own)
         changes[*table, "profile"] = written[kind]
         mender = report.listener.mender
         of = mender.radars[owner] if index is not None else mender.pose if owner == POSE else mender.motion
         described = None if of is None else of.dbc
         if configured.dbc is None and described is not None:
             changes[*table, "dbc"] = relative_to(out.parent, profile.parent / described)
-    with whole(out) as partial:
-        partial.write_text(edited(read(source, MOST_BYTES).decode("utf-8-sig"), changes))
+    texts[out.name] = edited(read(source, MOST_BYTES).decode("utf-8-sig"), changes)
+    for name in () if force else texts:
+        check_new(out.parent / name)
+    for name, text in texts.items():
+        with whole(out.parent / name) as partial:
+            partial.write_text(text)
 
 
 def _moved(config: Config, before: Path, after: Path) -> dict[Keys, Any]:
