@@ -9,15 +9,18 @@ from itertools import pairwise
 def run() -> None:
     """The program; what a signal does while it is loading, which takes a third of a second, is said before that."""
     open_all()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: what is open is closed
     words = [word for before, word in pairwise(sys.argv) if not word.startswith("-") and before != "--log-level"]
     if words[:1] == ["run"]:
         signal.signal(signal.SIGHUP, signal.SIG_IGN)  # a service that starts is about to read its configuration
         signal.signal(signal.SIGTERM, lambda *_: os._exit(0))  # a container's first process would not hear it; nothing is open yet
     try:
         from echogrid.cli import main
+
+        main()
     except KeyboardInterrupt:
-        sys.exit(130)
-    main()
+        ends_so = words[:1] in (["run"], ["view"]) or (words[:1] == ["replay"] and "--publish" in sys.argv)
+        sys.exit(0 if ends_so else 130)
 
 
 def open_all() -> None:

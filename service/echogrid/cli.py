@@ -38,8 +38,6 @@ def main() -> None:
         sys.exit(141)
     except OSError as error:  # a full disk, a folder that may not be written
         _give_up(sentence(error))
-    except KeyboardInterrupt:
-        sys.exit(130)
 
 
 def _give_up(sentence: str, exit_code: int = 1) -> NoReturn:

@@ -84,13 +84,15 @@ TABLE = {int(code) for code in re.findall(r"^\| (\d+) \|", (DOCS / "commands.md"
 
 
 def test_the_table_has_every_code_that_there_is() -> None:
-    calls = [node for node in ast.walk(ast.parse((ROOT / "service" / "echogrid" / "cli.py").read_text())) if isinstance(node, ast.Call)]
+    sources = [(ROOT / "service" / "echogrid" / name).read_text() for name in ("cli.py", "__main__.py")]
+    calls = [node for source in sources for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)]
     numbers = {
-        argument.value
+        node.value
         for call in calls
         if ast.unparse(call.func) == "sys.exit"
         for argument in call.args
-        if isinstance(argument, ast.Constant)
+        for node in ast.walk(argument)
+        if isinstance(node, ast.Constant)
     }
     assert numbers | {EchogridError.exit_code, NoMapError.exit_code, 0} == TABLE
     assert {kind.exit_code for kind in EchogridError.__subclasses__()} <= TABLE
@@ -111,16 +113,21 @@ def test_each_code_is_what_the_table_says(drive: Path, tmp_path: Path) -> None:
         assert bool(done.stderr) == (code != 0)
 
 
-def test_ctrl_c_is_130_and_no_traceback(drive: Path, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "echogrid", "replay", str(drive), "--realtime", "--out", str(tmp_path)]
-    slow = "import sys, time; from echogrid import cli; cli._replay = lambda given: (print('up', flush=True), time.sleep(600)); cli.main()"
-    command[1:3] = ["-c", slow]
+@pytest.mark.parametrize(
+    ("number", "options", "code"), [(signal.SIGINT, (), 130), (signal.SIGTERM, (), 130), (signal.SIGINT, ("--publish",), 0)]
+)
+def test_ctrl_c_and_sigterm_are_of_the_table_and_no_traceback(
+    drive: Path, tmp_path: Path, number: signal.Signals, options: tuple[str, ...], code: int
+) -> None:
+    slow = "import time; from echogrid import __main__, cli; cli._replay = lambda given: (print('up', flush=True), time.sleep(600)); "
+    command = [sys.executable, "-c", f"{slow}__main__.run()", "replay", str(drive), "--out", str(tmp_path), *options]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as program:
         assert program.stdout is not None
         assert program.stdout.readline() == "up\n"
-        program.send_signal(signal.SIGINT)
+        program.send_signal(number)
         _, logged = program.communicate(timeout=PATIENCE)
-    assert (program.returncode, logged) == (130, "")
+    assert (program.returncode, logged) == (code, "")
+    assert code in TABLE
 
 
 def test_a_reader_that_leaves_is_141_and_no_word(drive: Path) -> None:

@@ -5,11 +5,19 @@ from __future__ import annotations
 import errno
 import json
 import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 from tests.support import world
+from tests.support.waiting import PATIENCE, until
 
 from echogrid.cli import _parser
 from echogrid.commands.replay import replay, reported
@@ -76,6 +84,23 @@ def test_a_drive_without_a_map_leaves_no_map_of_an_earlier_one(motorway: Path, t
     with pytest.raises(NoMapError):
         replay(find_drive(only_motion, motorway / "echogrid.toml"), out)
     assert {path.name for path in out.iterdir()} == {"summary.json"}
+
+
+def test_sigterm_leaves_a_whole_recording_and_the_tiles_so_far(motorway: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-W", "error", "-m", "echogrid", "replay", str(motorway), "--realtime", "--out", str(tmp_path / "out")]
+    command += ["--record", str(tmp_path / "a.mcap"), "--store", str(tmp_path / "a.egmap")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as program:
+        until((tmp_path / "a.egmap").exists)
+        time.sleep(1.0)  # of the drive's six seconds
+        program.send_signal(signal.SIGTERM)
+        _, logged = program.communicate(timeout=PATIENCE)
+    assert (program.returncode, logged) == (130, "")
+    with (tmp_path / "a.mcap").open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    with closing(sqlite3.connect(tmp_path / "a.egmap")) as store:
+        ((tiles,),) = store.execute("SELECT COUNT(*) FROM tile")
+    assert tiles > 0
 
 
 def test_a_run_that_ends_while_it_writes_leaves_nothing_of_an_earlier_one(

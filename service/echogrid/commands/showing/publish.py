@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import signal
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -36,8 +37,10 @@ def command(
     foxglove: tuple[str, int] | None,
     as_json: bool,
 ) -> bool:
-    """As `echogrid replay`, until the recording's end or until SIGTERM or SIGINT; returns whether the map is to be trusted."""
+    """As `echogrid replay`, until the recording's end or until SIGTERM or SIGINT; returns whether the map is to be trusted: as far as it
+    goes where it was stopped."""
     drive = find_drive(path, config)
+    stopped = threading.Event()
     with progress(f"publishing {path.name}") as advance:
         summary = publish(
             drive,
@@ -48,10 +51,10 @@ def command(
             store=store,
             foxglove=foxglove,
             on_progress=advance,
-            on_start=_stoppable,
+            on_start=lambda service: _stoppable(service, stopped),
             say=aside if as_json else say,
         )
-    return reported(summary, drive, out, as_json=as_json)
+    return reported(summary, drive, out, as_json=as_json) or stopped.is_set()
 
 
 def publish(
@@ -70,7 +73,8 @@ def publish(
     """Plays a recording to the service at `speed` times its pace, and writes the files of a replay into `out`; returns the summary.
 
     The service is that of `run`, with the configuration's [publish], [ros] and [metrics]; its map is kept in `store` alone. `record` and
-    `foxglove` are as for `run`. It may be stopped early: the files then hold what was mapped until then. Raises EchogridError as `replay`.
+    `foxglove` are as for `run`. It may be stopped early: the files then hold what was mapped until then, be it nothing. Raises
+    EchogridError as `replay`.
     """
     config = at_the_desk(load_config(drive.config, model), store)
     check_outputs(out, store)
@@ -90,7 +94,7 @@ def publish(
         raise nothing_known(drive, pipeline, traffic, player.torn)
     faults = log.times.faults() + traffic.coarse(log.times) if player.ended else []
     summary = recorder.write(out, truth, faults, log.account.notes + log.times.notes() + traffic.strangers())
-    if not pipeline.health.cycles:
+    if not pipeline.health.cycles and player.ended:
         raise no_map(drive, why_none(pipeline, traffic), player.torn)
     if player.torn is not None:
         raise in_part(player.torn, log, out)
@@ -103,7 +107,13 @@ def at_the_desk(config: Config, store: Path | None) -> Config:
     return msgspec.structs.replace(on_virtual_buses(config), store=kept)
 
 
-def _stoppable(service: Service) -> None:
-    logging.getLogger("echogrid").info("publishing on %s as vehicle '%s'", ", ".join(service.config.publish.listen), service.config.vehicle)
+def _stoppable(service: Service, stopped: threading.Event) -> None:
+    """Both signals end it, and `stopped` says so."""
+
+    def stop(*_: object) -> None:
+        stopped.set()
+        service.workers.stop.set()
+
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: service.workers.stop.set())
+        signal.signal(number, stop)
+    logging.getLogger("echogrid").info("publishing on %s as vehicle '%s'", ", ".join(service.config.publish.listen), service.config.vehicle)
