@@ -283,19 +283,22 @@ def test_signals_while_it_loads(monkeypatch: pytest.MonkeyPatch, usual_signals: 
     assert not ended.value.code
 
 
-def test_no_other_command_changes_signals_and_ctrl_c_ends_it_while_it_loads(
-    monkeypatch: pytest.MonkeyPatch, usual_signals: dict[signal.Signals, object]
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(("words", "code"), [("replay run", 130), ("replay run --publish", 0), ("view", 0)])
+def test_ctrl_c_and_sigterm_end_another_command_while_it_loads(
+    monkeypatch: pytest.MonkeyPatch, usual_signals: dict[signal.Signals, object], number: signal.Signals, words: str, code: int
 ) -> None:
-    monkeypatch.setattr(sys, "argv", ["echogrid", "replay", "run"])
+    monkeypatch.setattr(sys, "argv", ["echogrid", *words.split()])
 
     def hears() -> None:
-        assert {number: signal.getsignal(number) for number in usual_signals} == usual_signals
-        raise KeyboardInterrupt
+        assert signal.getsignal(signal.SIGHUP) == usual_signals[signal.SIGHUP]
+        os.kill(os.getpid(), number)
+        raise AssertionError("it went on")
 
     monkeypatch.setitem(sys.modules, "echogrid.cli", Loading(hears))
     with pytest.raises(SystemExit) as ended:
         program.run()
-    assert ended.value.code == 130
+    assert ended.value.code == code
 
 
 def test_the_last_status_says_that_it_stopped(config: tuple[Path, int]) -> None:
