@@ -41,7 +41,7 @@ def test_it_rests_no_longer_than_buffers_hold(rested: list[float]) -> None:
     pace, now = Pace(), time.monotonic()
     pace.mapped(newest=500.0, looked_at=now, expected=1500.0)
     assert pace.rest()
-    assert rested[0] <= LONGEST + GATHER
+    assert rested[0] <= LONGEST
 
 
 def test_a_recording_faster_than_it_was_made_is_never_waited_for(rested: list[float]) -> None:

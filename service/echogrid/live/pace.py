@@ -41,4 +41,4 @@ class Pace:
         is expected to end before `expected`."""
         behind = looked_at - newest
         self._behind = behind if abs(behind - self._behind) > LONGEST else min(behind, self._behind + DRIFT)
-        self._next_at = min(expected + self._behind, looked_at + LONGEST)
+        self._next_at = min(expected + self._behind, looked_at + LONGEST - GATHER)
