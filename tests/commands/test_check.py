@@ -314,5 +314,5 @@ def test_what_mf4_needs_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 
     monkeypatch.delitem(sys.modules, "asammdf", raising=False)
     monkeypatch.setattr(sys, "meta_path", [SimpleNamespace(find_spec=find_spec), *sys.meta_path])
-    said = checked(tmp_path, "a.mf4", b"MDF", capsys)[1]
+    said = checked(tmp_path, "a.mf4", b"MDF     4.11    ", capsys)[1]
     assert said.endswith("a.mf4: reading .mf4 files needs the package asammdf: pip install asammdf")

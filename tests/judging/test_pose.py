@@ -170,7 +170,7 @@ def test_the_mended_files_are_written_beside_one_another(tmp_path: Path) -> None
     (tmp_path / "out").mkdir()
     mended = tmp_path / "out" / "mended.toml"
     report = check_log(load_config(tmp_path / "echogrid.toml"), tmp_path / "echogrid.toml", tmp_path / "can.log")
-    write_mended(report, tmp_path / "echogrid.toml", mended)
+    write_mended(report, tmp_path / "echogrid.toml", mended, force=False)
     again = check_log(load_config(mended), mended, tmp_path / "can.log")
     assert [one.code for one in report.findings if one.subject == "pose"] == ["pose_heading_sign"]
     assert not [one for one in again.findings if one.subject == "pose"]

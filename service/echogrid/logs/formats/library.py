@@ -41,7 +41,7 @@ def read_mf4(path: Path, account: Account) -> Iterator[FrameBatch]:
     """
     with path.open("rb") as file:
         if not file.read(8).startswith(MF4):
-            raise ValueError("it does not begin with 'MDF', as an MF4 file does")
+            raise ValueError("it does not begin with 'MDF ', as an MF4 file does")
     if sys.modules.get("asammdf", can) is None:  # kept out by the program
         del sys.modules["asammdf"]
         importlib.reload(mf4)
