@@ -102,5 +102,6 @@ class Table:
             values[places] = reader.values(frame_id, batch.data[batch.begins[places, None] + np.arange(length)])
         frames = Frames(received_ns, roles, sorts, wrong, batch.sizes, batch.begins, batch.data)
         others = (sorts & OTHER).nonzero()[0]
-        said = (column[others].tolist() for column in (roles, received_ns, wrong, values, counted))
+        told = (roles, received_ns, wrong, values, counted) if len(others) else ()
+        said = (column[others].tolist() for column in told)
         return Intake(frames, others.tolist(), list(zip(*said, strict=True)))
