@@ -224,10 +224,12 @@ def test_listens_on_the_configured_loopback_port_alone(port: int) -> None:
     until(lambda: sockets(os.getpid()) <= before)
 
 
-def test_without_endpoints_it_opens_no_socket() -> None:
+def test_without_endpoints_it_opens_no_socket_and_says_so(caplog: pytest.LogCaptureFixture) -> None:
     before = sockets(os.getpid())
     with Publisher(Publish(listen=()), "car", Ros()):
         assert sockets(os.getpid()) <= before
+    (warned,) = caplog.messages
+    assert warned.startswith("publish: listen and connect are empty")
 
 
 def test_the_default_is_loopback() -> None:

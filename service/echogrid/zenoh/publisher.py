@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
@@ -23,6 +24,8 @@ from echogrid.zenoh.fleet import Fleet
 from echogrid.zenoh.namesakes import SAID, Namesakes
 from echogrid.zenoh.ros import RosNode, topic_keys, viewed
 from echogrid.zenoh.stream import Stream
+
+log = logging.getLogger("echogrid")
 
 # Cells along a window's side from which shared memory is worth what it costs from the first subscriber on: 36 MiB, a thread that looks
 # after it 20 times a second, and what Zenoh leaves in /dev/shm. Smaller windows are as fast without.
@@ -52,6 +55,8 @@ class Publisher:
         viewers, senders = (None, None) if settings.tls is None else (settings.tls.viewers, () if pose is None else pose.senders)
         runs = key(vehicle, f"{RUN}/*") if settings.connect else None  # a router of ours may be that of others
         access = access_control(given, viewers, None if pose is None else pose.key, senders, runs)
+        if not (settings.listen or settings.connect):
+            log.warning("publish: listen and connect are empty, expected an endpoint in one of them: no subscriber can reach this service")
         large = settings.window_cells >= LARGE
         self._open = ExitStack()
         try:
