@@ -111,7 +111,7 @@ class TileStore:
         return None if row is None else int(row[0])
 
     def packed(self, tile: Tile) -> bytes:
-        """What `write` takes in place of a tile: a fourth of the memory or less."""
+        """What `write` takes in place of a tile, and less to keep until then."""
         return self._packer.pack(tile)
 
     def write(self, epoch: int, tiles: Mapping[TileKey, Tile | bytes], stamp_ns: int) -> None:
