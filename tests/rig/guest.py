@@ -3,7 +3,8 @@
     python -m tests.rig.guest [--systemd] COMMAND...      the guest's answer on stdout, the command's exit status
 
 The guest's root is this machine's, read-only, under an overlay in memory: every program is there at its own path, and what is
-written is gone afterwards. The command runs as root in the caller's folder and environment. Needs `linux.uml`.
+written is gone afterwards. The command runs as root in the caller's folder and environment. Needs `linux.uml`, and a C compiler on a
+processor with AMX.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 INIT = Path(__file__).with_name("guest-init")
+WHOLE_STATE = Path(__file__).with_name("whole_state.c")
 PR_SET_PDEATHSIG = 1
 
 
@@ -37,9 +39,14 @@ def missing(cpuinfo: Path = Path("/proc/cpuinfo")) -> str | None:
     """Why this machine can boot none; None where it can."""
     if shutil.which("linux.uml") is None:
         return "there is no User-Mode Linux, which 'make test-rig' installs"
-    if "amx_tile" in cpuinfo.read_text().split():
-        return "User-Mode Linux 6.1 panics at start on a processor with AMX"  # whose state its buffer of registers does not hold
+    if has_amx(cpuinfo) and shutil.which("cc") is None:
+        return "User-Mode Linux 6.1 panics at start on a processor with AMX, and there is no C compiler for what helps it"
     return None
+
+
+def has_amx(cpuinfo: Path = Path("/proc/cpuinfo")) -> bool:
+    """Whether this processor has."""
+    return "amx_tile" in cpuinfo.read_text().split()
 
 
 def run(command: list[str], *, systemd: bool = False, timeout: float = 300, memory: str = "2G") -> Answer:
@@ -71,8 +78,19 @@ def _boot(shared: Path, console: int, systemd: bool, memory: str, timeout: float
     kernel = ["linux.uml", f"mem={memory}", "rootfstype=hostfs", "rootflags=/", "ro", f"init={INIT}", f"uml_dir={shared}/", "quiet"]
     kernel += ["con=null", f"con0=null,fd:{console}", "noreboot", "panic=-1", "selinux=0", "systemd.show_status=0"]
     kernel += [f"RIG={shared}", f"RIG_SYSTEMD={'yes' if systemd else ''}"]
+    environment = dict(os.environ)
+    if has_amx():
+        environment["LD_PRELOAD"] = str(shared / "whole_state.so")
+        subprocess.run(["cc", "-O2", "-fPIC", "-shared", str(WHOLE_STATE), "-o", environment["LD_PRELOAD"]], check=True)
     process = subprocess.Popen(
-        kernel, stdin=subprocess.DEVNULL, stdout=console, stderr=console, pass_fds=(console,), start_new_session=True, preexec_fn=in_child
+        kernel,
+        stdin=subprocess.DEVNULL,
+        stdout=console,
+        stderr=console,
+        pass_fds=(console,),
+        start_new_session=True,
+        preexec_fn=in_child,
+        env=environment,
     )
     try:
         with suppress(subprocess.TimeoutExpired):
