@@ -89,16 +89,14 @@ class Mapping:
         return batch.where(order), buses[order]
 
     def _step(self, steps: Iterator[tuple[int, MapUpdate | None]], batch: FrameBatch, items: list[Item]) -> bool:
-        """Maps up to the end of a cycle; whether it was not the last one."""
+        """Maps up to the end of a cycle; False where there was none any more."""
         with self.lock:
             for fix in self.poses():
                 self.pipeline.mapper.on_pose(fix)
-            step = next(steps, None)
-            if step is None:
+            ended = next(((taken, update) for taken, update in steps if update is not None), None)
+            if ended is None:
                 return False
-            taken, update = step
-            if update is None:
-                return True
+            taken, update = ended
             now = time.monotonic()
             self._latencies.append(now - self._receiving.pace.came_at(float(batch.stamps[taken - 1]), items[-1][2]))
             self._mapped_at, self._lag = now, now - items[0][2]

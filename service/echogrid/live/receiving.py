@@ -42,10 +42,8 @@ class Receiving:
     def look(self, timeout: float) -> list[Item]:
         """What all buses have had since the last look, if that is not much: when it is due, and if it was due already as soon as there is
         anything. Empty where there was nothing then, or nothing came for `timeout` seconds."""
-        with self._lock:
-            self._busy_since = None
-            waits = len(self.queue) == 0
-        if waits and (self._left or not self.pace.rest()):
+        self._busy_since = None
+        if len(self.queue) == 0 and (self._left or not self.pace.rest()):
             wait(self.buses, timeout)
         with self._lock:
             self._busy_since = self._read()

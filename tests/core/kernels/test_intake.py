@@ -13,6 +13,7 @@ from tests.support.loops import Fenced, taken_shorter
 
 from echogrid.core.kernels import reference
 from echogrid.core.kernels.assembly import Rule, State, integer
+from echogrid.core.kernels.can_frames import CLASSIC, CONTROLS, FLEXIBLE, HEAD, LENGTH, STAMP, STAMP_BYTES
 from echogrid.core.kernels.frames import Head
 from echogrid.core.kernels.plans import MOST_SIGNALS, Plan, Plans
 from echogrid.core.kernels.scans import Event, Found, Why, _Room
@@ -278,10 +279,12 @@ def test_frames_are_identified_as_in_numpy(seed: int, size: int) -> None:
 
 
 def receiving(random: Random, size: int) -> list[Any]:
-    """Frames as Linux has them, classic and FD, with any bits."""
-    rows = random.integers(0, 256, (size, 72)).astype(np.uint8)
-    written = [np.full(size, 9, np.uint32), *np.full((3, size), 9, np.uint8)]
-    return [rows, random.choice([16, 72], size).astype(np.uint8), random.random(size) < 0.3, *written]
+    """Frames as Linux has them, classic and FD, with any bits, some without a stamp."""
+    rows = random.integers(0, 256, (size, FLEXIBLE)).astype(np.uint8)
+    heads, stamps = random.integers(-(1 << 31), 1 << 31, (size, HEAD)).astype(np.int32), random.integers(0, 1 << 40, (size, STAMP))
+    heads[:, LENGTH], heads[:, CONTROLS] = random.choice([CLASSIC, FLEXIBLE], size), random.choice([0, STAMP_BYTES], size, p=[0.2, 0.8])
+    written = [np.full(size, 9.0), np.full(size, 9, np.uint32), *np.full((3, size), 9, np.uint8), np.full(size * FLEXIBLE, 9, np.uint8)]
+    return [rows, heads, stamps, *written]
 
 
 @given(seed=st.integers(0, 1 << 32), size=st.integers(0, 40))

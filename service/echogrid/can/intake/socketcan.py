@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import errno
+import math
 import os
 import socket
 import time
@@ -13,21 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echogrid.can.intake.frames import FrameBatch, channel_number
-from echogrid.core.kernels.can_frames import CLASSIC, FLEXIBLE
+from echogrid.core.kernels.can_frames import CLASSIC, FLEXIBLE, HEAD, LENGTH, STAMP, STAMP_BYTES
 from echogrid.core.kernels.dispatch import loops
 
 _KINDS = frozenset((CLASSIC, FLEXIBLE))  # sizes of frames
-# Of 64-bit Linux: struct mmsghdr, struct iovec, and struct cmsghdr with the struct timespec behind it.
+# Of 64-bit Linux: struct mmsghdr, and struct iovec.
 _HEADER = np.dtype(
     {
-        "names": ["iov", "iovlen", "control", "controllen", "flags", "size"],
-        "formats": ["u8", "u8", "u8", "u8", "i4", "u4"],
-        "offsets": [16, 24, 32, 40, 48, 56],
-        "itemsize": 64,
+        "names": ["iov", "iovlen", "control", "controllen"],
+        "formats": ["u8", "u8", "u8", "u8"],
+        "offsets": [16, 24, 32, 40],
+        "itemsize": 4 * HEAD,
     }
 )
 _PART = np.dtype([("base", "u8"), ("size", "u8")])
-_STAMP = np.dtype([("size", "u8"), ("level", "i4"), ("type", "i4"), ("seconds", "i8"), ("nanoseconds", "i8")])
 # Called with the interpreter's lock held: it never waits, and to give the lock away costs more than the call.
 _recvmmsg = ctypes.PyDLL(None, use_errno=True).recvmmsg
 _recvmmsg.argtypes = (ctypes.c_int, ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
@@ -45,13 +45,13 @@ class Inbox:
         self._most = most
         self._rows = np.zeros((most, FLEXIBLE), np.uint8)
         self._begins = np.arange(most, dtype=np.int64) * FLEXIBLE + 8
-        parts, stamps, headers = np.zeros(most, _PART), np.zeros(most, _STAMP), np.zeros(most, _HEADER)
+        self._stamps = np.zeros((most, STAMP), np.int64)
+        parts, headers = np.zeros(most, _PART), np.zeros(most, _HEADER)
         parts["base"], parts["size"] = _addresses(self._rows), FLEXIBLE
         headers["iov"], headers["iovlen"] = _addresses(parts), 1
-        headers["control"], headers["controllen"] = _addresses(stamps), _STAMP.itemsize
+        headers["control"], headers["controllen"] = _addresses(self._stamps), STAMP_BYTES
         self._parts, self._address = parts, headers.ctypes.data
-        self._sizes, self._flags, self._controls = headers["size"], headers["flags"], headers["controllen"]
-        self._seconds, self._nanoseconds = stamps["seconds"], stamps["nanoseconds"]
+        self._heads = headers.view(np.int32).reshape(most, HEAD)
 
     def fileno(self) -> int:
         """Readable while there is something to take."""
@@ -73,26 +73,20 @@ class Inbox:
                 return None
             raise OSError(code, os.strerror(code))
         self.reads = True
-        some = slice(count)
-        rows, sizes = self._rows[some].copy(), self._sizes[some].astype(np.uint8)
-        sent = self._flags[some] & socket.MSG_DONTROUTE != 0
-        times = self._seconds[some] + self._nanoseconds[some] * 1e-9
-        controls = self._controls[some]
-        if controls.min() < _STAMP.itemsize:
-            times[controls < _STAMP.itemsize] = time.time()
-        self._rows[some] = 0  # a shorter frame has nothing of a longer one behind it
-        controls[:] = _STAMP.itemsize
-        if not _KINDS.issuperset(sizes.tolist()):
-            frames = np.isin(sizes, tuple(_KINDS))
-            rows, sizes, sent, times = rows[frames], sizes[frames], sent[frames], times[frames]
-            count = len(rows)
-            if not count:
-                return None
-        ids, (flags, dlc, there) = np.empty(count, np.uint32), np.empty((3, count), np.uint8)
-        loops.can_frames(rows, sizes, sent, ids, flags, dlc, there)
+        heads = self._heads[:count]
+        lengths = heads[:, LENGTH].tolist()
+        times, ids, data = np.empty(count), np.empty(count, np.uint32), np.empty(count * FLEXIBLE, np.uint8)
+        flags, dlc, there = np.empty((3, count), np.uint8)
+        loops.can_frames(self._rows[:count], heads, self._stamps[:count], times, ids, flags, dlc, there, data)
+        if math.isnan(times.min()):
+            times[np.isnan(times)] = time.time()
         names: dict[str, int] = {}
         channels = np.full(count, channel_number(channel, names), np.int32)
-        return FrameBatch(times, ids, flags, dlc, there, self._begins[:count], rows.reshape(-1), channels, tuple(names))
+        batch = FrameBatch(times, ids, flags, dlc, there, self._begins[:count], data, channels, tuple(names))
+        if _KINDS.issuperset(lengths):
+            return batch
+        batch = batch.where(np.isin(lengths, tuple(_KINDS)))
+        return batch if len(batch) else None
 
 
 def _addresses(pieces: NDArray[Any]) -> NDArray[np.uint64]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from echogrid.core.kernels.cells import Bytes, Mask
+from echogrid.core.kernels.cells import Bytes, Floats, Integers, Places
 
 EXTENDED, REMOTE, ERROR, FD, SENT, SWITCH, STATE = (1 << bit for bit in range(7))  # among a frame's flags
 CLASSIC, FLEXIBLE = 16, 72  # bytes
@@ -15,13 +15,36 @@ _EFF, _RTR, _ERR = 0x80000000, 0x40000000, 0x20000000
 _BRS, _ESI = 1, 2
 
 
-def can_frames(rows: Bytes, lengths: Bytes, sent: Mask, ids: NDArray[np.uint32], flags: Bytes, dlc: Bytes, sizes: Bytes) -> None:
-    """Ids, flags, bytes announced and bytes there of frames (N, 72), which came as CLASSIC or FLEXIBLE bytes, or were `sent` here."""
+# Of 64-bit Linux: struct mmsghdr as 16 integers, of which these say of a frame how many bytes of control data it has,
+# its flags and its bytes; and struct cmsghdr with a struct timespec behind it as 4, the last two of which are s and ns.
+HEAD, CONTROLS, FLAGS, LENGTH = 16, 10, 12, 14
+STAMP, STAMP_BYTES = 4, 32
+_DONTROUTE = 4  # sys/socket.h MSG_DONTROUTE: sent by this machine
+
+
+def can_frames(
+    rows: Bytes,
+    heads: Places,
+    stamps: Integers,
+    times: Floats,
+    ids: NDArray[np.uint32],
+    flags: Bytes,
+    dlc: Bytes,
+    sizes: Bytes,
+    data: Bytes,
+) -> None:
+    """Of frames (N, FLEXIBLE) of a socket, which came as CLASSIC or FLEXIBLE bytes with heads (N, HEAD) and stamps (N, STAMP): times in s,
+    NaN without a stamp, ids, flags, bytes announced and bytes there, (N,) each, and all bytes (N * FLEXIBLE,). `rows` and `heads` are then
+    as before the frames came."""
     frames = rows.view(_FRAME)[:, 0]
-    codes, is_fd = frames["id"], lengths != CLASSIC
+    codes, is_fd, sent = frames["id"], heads[:, LENGTH] != CLASSIC, heads[:, FLAGS] & _DONTROUTE != 0
     extended, remote = codes & _EFF != 0, codes & _RTR != 0
+    times[:] = np.where(heads[:, CONTROLS] < STAMP_BYTES, np.nan, stamps[:, 2] + stamps[:, 3] * 1e-9)
     ids[:] = np.where(extended, codes & 0x1FFFFFFF, codes & 0x7FF)
     dlc[:] = np.minimum(frames["length"], np.where(is_fd, 64, 8))
     sizes[:] = np.where(remote, 0, dlc)
     flags[:] = extended * EXTENDED | remote * REMOTE | (codes & _ERR != 0) * ERROR | is_fd * FD | sent * SENT
     flags |= ((is_fd & (frames["flags"] & _BRS != 0)) * SWITCH | (is_fd & (frames["flags"] & _ESI != 0)) * STATE).astype(np.uint8)
+    data[:] = rows.reshape(-1)
+    rows[:] = 0  # a shorter frame has nothing of a longer one behind it
+    heads[:, CONTROLS] = STAMP_BYTES

@@ -180,28 +180,36 @@ KERNEL(identify) {
 }
 
 enum { FD_BIT = 8, SENT_BIT = 16, SWITCH_BIT = 32, STATE_BIT = 64 };
-enum { FRAME_BYTES = 72, CLASSIC_BYTES = 16 };
+enum { FRAME_BYTES = 72, CLASSIC_BYTES = 16, STAMP = 4, STAMP_BYTES = 32 };
+enum { HEAD = 16, HEAD_CONTROLS = 10, HEAD_FLAGS = 12, HEAD_LENGTH = 14, DONTROUTE = 4 };
 
 KERNEL(can_frames) {
-    TAKE("B2B1B1I1!B1!B1!B1!");
+    TAKE("B2!i2!l2d1!I1!B1!B1!B1!B1!");
     Py_ssize_t frames = LENGTH(0, 0);
-    const uint8_t *lengths = ARRAY(1)->buf, *sent = ARRAY(2)->buf;
-    uint32_t *ids = ARRAY(3)->buf;
-    uint8_t *flags = ARRAY(4)->buf, *dlc = ARRAY(5)->buf, *sizes = ARRAY(6)->buf;
-    int fits = LENGTH(0, 1) == FRAME_BYTES;
-    for (int n = 1; n < 7; n++) fits &= LENGTH(n, 0) == frames;
+    double *times = ARRAY(3)->buf;
+    uint32_t *ids = ARRAY(4)->buf;
+    uint8_t *flags = ARRAY(5)->buf, *dlc = ARRAY(6)->buf, *sizes = ARRAY(7)->buf, *data = ARRAY(8)->buf;
+    int fits = LENGTH(0, 1) == FRAME_BYTES && LENGTH(1, 1) == HEAD && LENGTH(2, 1) == STAMP && LENGTH(8, 0) == frames * FRAME_BYTES;
+    for (int n = 1; n < 8; n++) fits &= LENGTH(n, 0) == frames;
     if (!sized(&given, fits)) return NULL;
     for (Py_ssize_t n = 0; n < frames; n++) {
-        const uint8_t *frame = ROW(uint8_t, 0, n);
+        uint8_t *frame = ROW(uint8_t, 0, n);
+        int32_t *head = ROW(int32_t, 1, n);
+        const int64_t *stamp = ROW(int64_t, 2, n);
         uint32_t code;
         memcpy(&code, frame, sizeof code);
-        int extended = (code & 0x80000000u) != 0, remote = (code & 0x40000000u) != 0, error = (code & 0x20000000u) != 0, fd = lengths[n] != CLASSIC_BYTES;
+        int extended = (code & 0x80000000u) != 0, remote = (code & 0x40000000u) != 0, error = (code & 0x20000000u) != 0;
+        int fd = head[HEAD_LENGTH] != CLASSIC_BYTES, sent = (head[HEAD_FLAGS] & DONTROUTE) != 0;
         uint8_t most = fd ? 64 : 8;
+        times[n] = head[HEAD_CONTROLS] < STAMP_BYTES ? NAN : (double)stamp[2] + (double)stamp[3] * 1e-9;
         ids[n] = code & (extended ? 0x1FFFFFFFu : 0x7FFu);
         dlc[n] = frame[4] < most ? frame[4] : most;
         sizes[n] = remote ? 0 : dlc[n];
-        flags[n] = (uint8_t)(extended * EXTENDED_BIT | remote * REMOTE_BIT | error * ERROR_BIT | fd * FD_BIT | (sent[n] != 0) * SENT_BIT |
+        flags[n] = (uint8_t)(extended * EXTENDED_BIT | remote * REMOTE_BIT | error * ERROR_BIT | fd * FD_BIT | sent * SENT_BIT |
                              (fd && frame[5] & 1) * SWITCH_BIT | (fd && frame[5] & 2) * STATE_BIT);
+        memcpy(data + n * FRAME_BYTES, frame, FRAME_BYTES);
+        memset(frame, 0, FRAME_BYTES);
+        head[HEAD_CONTROLS] = STAMP_BYTES;
     }
     return done(&given);
 }
