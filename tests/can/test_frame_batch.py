@@ -19,10 +19,15 @@ messages = st.builds(
 )
 
 
-@given(st.lists(st.lists(messages, max_size=4), max_size=5))
-def test_joined_are_the_same_frames_in_the_same_order(groups: list[list[can.Message]]) -> None:
-    joined = FrameBatch.joined([FrameBatch.of(group) for group in groups])
-    together = FrameBatch.of([message for group in groups for message in group])
+@given(groups=st.lists(st.lists(messages, max_size=4), max_size=5), by_time=st.booleans())
+def test_joined_are_the_same_frames(groups: list[list[can.Message]], by_time: bool) -> None:
+    """In their order, or in that of their times, and each of the batch that it was in."""
+    joined, which = FrameBatch.joined([FrameBatch.of(group) for group in groups], by_time=by_time)
+    all_of_them = [(number, message) for number, group in enumerate(groups) for message in group]
+    if by_time:
+        all_of_them.sort(key=lambda one: one[1].timestamp)
+    assert which.tolist() == [number for number, _ in all_of_them]
+    together = FrameBatch.of([message for _, message in all_of_them])
     assert [tuple(getattr(one, name) for name in Frame.__struct_fields__) for one in joined] == [
         tuple(getattr(one, name) for name in Frame.__struct_fields__) for one in together
     ]

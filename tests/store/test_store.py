@@ -134,7 +134,7 @@ def test_a_service_with_sixteen_tiles_keeps_the_map_of_the_log_bit_for_bit(drive
 
 def test_a_map_begun_after_the_clock_was_set_back_begins_by_the_new_clock(drive: Drive, tmp_path: Path) -> None:
     pipeline, path = Pipeline(load_config(drive.config), drive.config), tmp_path / "a.egmap"
-    before = FrameBatch.joined(list(Log(drive.log).batches())).where(slice(0, 1500))
+    before = FrameBatch.joined(list(Log(drive.log).batches()), by_time=False)[0].where(slice(0, 1500))
     after = dataclasses.replace(before, stamps=before.stamps - 50.0)
     with pipeline.keep(path, round(float(before.stamps[0]) * 1e9), threading.Lock()):
         assert sum(1 for _ in pipeline.updates([before, after])) > 10

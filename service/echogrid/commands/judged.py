@@ -8,8 +8,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from echogrid.can.bus import LiveBus, wait
 from echogrid.can.intake.frames import FrameBatch
 from echogrid.commands.traffic import Traffic
@@ -97,8 +95,7 @@ def listen(config: Config, source: Path, seconds: float, on_progress: Callable[[
                 one.bring_back()
             if on_progress is not None:
                 on_progress(min(passed / seconds, 1.0))
-    batch = FrameBatch.joined(heard)
-    return batch.where(np.argsort(batch.stamps, kind="stable"))
+    return FrameBatch.joined(heard, by_time=True)[0]
 
 
 def _report(listener: Listener, account: Account, times: Times, traffic: Traffic, torn: EchogridError | None) -> Report:

@@ -80,13 +80,9 @@ class Mapping:
 
     def _together(self, items: list[Item]) -> tuple[FrameBatch, NDArray[np.int64]]:
         """All frames (N,) and their buses (N,); those of several buses in the order of their times."""
-        batch = FrameBatch.joined([batch for _, batch, _ in items])
         numbers = [self.pipeline.signals.number(bus) for bus, _, _ in items]
-        buses = np.repeat(numbers, [len(batch) for _, batch, _ in items])
-        if len(set(numbers)) == 1:
-            return batch, buses
-        order = np.argsort(batch.stamps, kind="stable")
-        return batch.where(order), buses[order]
+        batch, which = FrameBatch.joined([batch for _, batch, _ in items], by_time=len(set(numbers)) > 1)
+        return batch, np.array(numbers)[which]
 
     def _step(self, steps: Iterator[tuple[int, MapUpdate | None]], batch: FrameBatch, items: list[Item]) -> bool:
         """Maps up to the end of a cycle; False where there was none any more."""

@@ -337,7 +337,7 @@ CASES: dict[str, Callable[[Random, int], list[Any]]] = {
 }
 
 
-INTAKE = {"identify", "assemble", "can_frames"}  # by test_intake.py
+INTAKE = {"identify", "assemble", "can_frames", "join_frames"}  # by test_intake.py
 READERS = {"candump_lines", "asc_lines", "trc_lines", "csv_lines", "blf_objects"}  # held to the line readers by tests/logs/test_lines.py
 
 

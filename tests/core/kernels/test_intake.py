@@ -299,6 +299,36 @@ def test_frames_of_a_socket_are_read_as_in_numpy(seed: int, size: int) -> None:
         np.testing.assert_array_equal(one, other)
 
 
+def joining(random: Random, size: int) -> list[Any]:
+    """Columns of `size` frames in four batches, one of them empty perhaps, in any order."""
+    cuts = np.sort(random.integers(0, size + 1, 3))
+    starts = np.array([0, *cuts])
+    kinds = (np.float64, np.uint32, np.uint8, np.uint8, np.uint8, np.int64, np.int32)
+    columns = [np.split(random.integers(0, 200, size).astype(kind), cuts) for kind in kinds]
+    columns[-1] = [one - 4 for one in columns[-1]]  # names, none and numbers
+    written = [np.full(size, 9, kind) for kind in (*kinds, np.int64)]
+    return [random.permutation(size), starts, random.integers(-9, 9, (2, 4)), *columns, *written]
+
+
+@given(seed=st.integers(0, 1 << 32), size=st.integers(0, 40))
+def test_batches_are_joined_as_in_numpy(seed: int, size: int) -> None:
+    """Which is held to what the frames are one by one by tests/can/test_frame_batch.py."""
+    fenced, expected = Fenced(joining(np.random.default_rng(seed), size)), joining(np.random.default_rng(seed), size)
+    compiled.join_frames(*fenced.arguments)
+    assert fenced.is_whole
+    reference.join_frames(*expected)
+    for one, other in zip(fenced.arguments[-8:], expected[-8:], strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("place", [-1, 11])
+def test_a_frame_that_no_batch_has_is_not_joined(place: int) -> None:
+    arguments = joining(np.random.default_rng(0), 11)
+    arguments[0][3] = place
+    with pytest.raises(ValueError, match="belong together"):
+        compiled.join_frames(*arguments)
+
+
 @pytest.mark.parametrize(("more", "is_refused"), [(0, False), (1, True)])
 def test_a_plan_has_at_most_so_many_signals(more: int, is_refused: bool) -> None:
     """As many as the reader of a profile may ask for."""
@@ -406,6 +436,7 @@ def test_plans_and_tables_that_reach_beyond_the_arrays_are_refused(case: str, pl
         ("identify", identifying, {(5, 0)}),  # bytes behind the last frame's
         ("assemble", assembling, {(6, 0), (9, 1), (22, 0)}),  # the same, counts of a header, room
         ("can_frames", receiving, set()),
+        ("join_frames", joining, set()),
     ],
 )
 def test_an_array_that_is_one_shorter_than_the_others_say_is_refused(

@@ -15,14 +15,15 @@ from numpy.typing import NDArray
 from echogrid.core.kernels.can_frames import ERROR as ERROR
 from echogrid.core.kernels.can_frames import EXTENDED as EXTENDED
 from echogrid.core.kernels.can_frames import FD as FD
+from echogrid.core.kernels.can_frames import FIRST_NAME as FIRST_NAME
 from echogrid.core.kernels.can_frames import REMOTE as REMOTE
 from echogrid.core.kernels.can_frames import SENT as SENT
 from echogrid.core.kernels.can_frames import STATE as STATE
 from echogrid.core.kernels.can_frames import SWITCH as SWITCH
+from echogrid.core.kernels.dispatch import loops
 
 NO_CHANNEL = -1
 GROUP = 256  # frames that come one by one
-FIRST_NAME = -2  # of channels with names: -2 is the first name, -3 the second
 
 
 class Frame(msgspec.Struct, eq=False, gc=False):
@@ -88,30 +89,40 @@ class FrameBatch:
         )
 
     @classmethod
-    def joined(cls, batches: Sequence[FrameBatch]) -> FrameBatch:
-        """All frames of several, batch by batch."""
-        if len(batches) < 2:
-            return batches[0] if batches else cls.of([])
-        names, channels, begins, behind = dict[str, int](), list[NDArray[np.int32]](), list[NDArray[np.int64]](), 0
+    def joined(cls, batches: Sequence[FrameBatch], *, by_time: bool) -> tuple[FrameBatch, NDArray[np.int64]]:
+        """All frames (N,) of several batch by batch, or in the order of their times, and which batch each is of."""
+        if not batches:
+            batches = (cls.of([]),)
+        if len(batches) == 1 and not by_time:
+            return batches[0], np.zeros(len(batches[0]), np.int64)
+        starts = [*accumulate(map(len, batches), initial=0)]
+        bytes_before = [*accumulate((len(batch.data) for batch in batches), initial=0)]
+        places, names = dict[tuple[str, ...], int](), list[str]()
         for batch in batches:
-            own = batch.channels
-            if batch.names:
-                ours = np.array([FIRST_NAME - names.setdefault(name, len(names)) for name in batch.names], np.int32)
-                own = np.where(own <= FIRST_NAME, ours[np.maximum(FIRST_NAME - own, 0)], own)
-            channels.append(own)
-            begins.append(batch.begins + behind)
-            behind += len(batch.data)
-        return cls(
-            np.concatenate([batch.stamps for batch in batches]),
-            np.concatenate([batch.ids for batch in batches]),
-            np.concatenate([batch.flags for batch in batches]),
-            np.concatenate([batch.dlc for batch in batches]),
-            np.concatenate([batch.sizes for batch in batches]),
-            np.concatenate(begins),
-            np.concatenate([batch.data for batch in batches]),
-            np.concatenate(channels),
-            tuple(names),
+            if batch.names not in places:
+                places[batch.names] = len(names)
+                names.extend(batch.names)
+        stamps, count = [batch.stamps for batch in batches], starts.pop()
+        order = np.argsort(np.concatenate(stamps), kind="stable") if by_time else np.arange(count)
+        flags, dlc, sizes = np.empty((3, count), np.uint8)
+        columns = (np.empty(count), np.empty(count, np.uint32), flags, dlc, sizes, np.empty(count, np.int64))
+        channels, which = np.empty(count, np.int32), np.empty(count, np.int64)
+        loops.join_frames(
+            order,
+            np.array(starts),
+            np.array([bytes_before[:-1], [-places[batch.names] for batch in batches]]),
+            stamps,
+            [batch.ids for batch in batches],
+            [batch.flags for batch in batches],
+            [batch.dlc for batch in batches],
+            [batch.sizes for batch in batches],
+            [batch.begins for batch in batches],
+            [batch.channels for batch in batches],
+            *columns,
+            channels,
+            which,
         )
+        return cls(*columns, np.concatenate([batch.data for batch in batches]), channels, tuple(names)), which
 
     def __len__(self) -> int:
         return len(self.stamps)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,7 @@ from echogrid.core.kernels.cells import Bytes, Floats, Integers, Places
 
 EXTENDED, REMOTE, ERROR, FD, SENT, SWITCH, STATE = (1 << bit for bit in range(7))  # among a frame's flags
 CLASSIC, FLEXIBLE = 16, 72  # bytes
+FIRST_NAME = -2  # of channels with names: -2 is the first name, -3 the second
 # linux/can.h: struct canfd_frame, of which struct can_frame has the first 16 bytes.
 _FRAME = np.dtype([("id", "=u4"), ("length", "u1"), ("flags", "u1"), ("", "V2"), ("data", "u1", (64,))])
 _EFF, _RTR, _ERR = 0x80000000, 0x40000000, 0x20000000
@@ -48,3 +51,36 @@ def can_frames(
     data[:] = rows.reshape(-1)
     rows[:] = 0  # a shorter frame has nothing of a longer one behind it
     heads[:, CONTROLS] = STAMP_BYTES
+
+
+def join_frames(
+    order: Integers,
+    starts: Integers,
+    behind: Integers,
+    stamps: list[Floats],
+    ids: list[NDArray[np.uint32]],
+    flags: list[Bytes],
+    dlc: list[Bytes],
+    sizes: list[Bytes],
+    begins: list[Integers],
+    channels: list[Places],
+    all_stamps: Floats,
+    all_ids: NDArray[np.uint32],
+    all_flags: Bytes,
+    all_dlc: Bytes,
+    all_sizes: Bytes,
+    all_begins: Integers,
+    all_channels: Places,
+    batch: Integers,
+) -> None:
+    """The columns of K batches as one, of N frames, in an `order` (N,) of the frames batch by batch; and which batch each is of.
+
+    `starts` (K,): frames before each batch. `behind` (2, K): what is added to the `begins` of each, and to those of its `channels` that
+    are names.
+    """
+    batch[:] = np.searchsorted(starts, order, side="right") - 1
+    shifted = [one + more for one, more in zip(begins, behind[0], strict=True)]
+    named = [np.where(one <= FIRST_NAME, one + more, one) for one, more in zip(channels, behind[1], strict=True)]
+    whole: tuple[NDArray[Any], ...] = (all_stamps, all_ids, all_flags, all_dlc, all_sizes, all_begins, all_channels)
+    for some, column in zip((stamps, ids, flags, dlc, sizes, shifted, named), whole, strict=True):
+        column[:] = np.concatenate(some)[order]

@@ -13,7 +13,7 @@
 #include <string.h>
 
 #define MOST 24
-#define MOST_LISTS 4
+#define MOST_LISTS 7
 #define SIDE 128 /* cells along a tile's side */
 #define LITTLE (__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__)
 
@@ -1067,7 +1067,7 @@ static PyMethodDef methods[] = {
     ENTRY(signals),   ENTRY(quantities), ENTRY(fold), ENTRY(odds), ENTRY(beside), ENTRY(common_motion),
     ENTRY(read_out),  ENTRY(percent), ENTRY(differing),
     ENTRY(gathered), ENTRY(agreeing), ENTRY(gated), ENTRY(possible), ENTRY(nearby), ENTRY(leanings),
-    ENTRY(candump_lines), ENTRY(asc_lines), ENTRY(trc_lines), ENTRY(csv_lines), ENTRY(blf_objects), ENTRY(assemble), ENTRY(identify), ENTRY(can_frames),
+    ENTRY(candump_lines), ENTRY(asc_lines), ENTRY(trc_lines), ENTRY(csv_lines), ENTRY(blf_objects), ENTRY(assemble), ENTRY(identify), ENTRY(can_frames), ENTRY(join_frames),
     {NULL, NULL, 0, NULL},
 };
 /* Which sources it is of, so that dispatch.py can tell an older build. */

@@ -180,7 +180,7 @@ KERNEL(identify) {
 }
 
 enum { FD_BIT = 8, SENT_BIT = 16, SWITCH_BIT = 32, STATE_BIT = 64 };
-enum { FRAME_BYTES = 72, CLASSIC_BYTES = 16, STAMP = 4, STAMP_BYTES = 32 };
+enum { FIRST_NAME = -2, FRAME_BYTES = 72, CLASSIC_BYTES = 16, STAMP = 4, STAMP_BYTES = 32 };
 enum { HEAD = 16, HEAD_CONTROLS = 10, HEAD_FLAGS = 12, HEAD_LENGTH = 14, DONTROUTE = 4 };
 
 KERNEL(can_frames) {
@@ -213,3 +213,50 @@ KERNEL(can_frames) {
     }
     return done(&given);
 }
+
+/* Which of the batches, that begin at `starts`, has a frame. */
+static Py_ssize_t batch_of(const int64_t *starts, Py_ssize_t batches, int64_t frame) {
+    Py_ssize_t low = 0, high = batches;
+    while (high - low > 1) {
+        Py_ssize_t middle = (low + high) / 2;
+        if (starts[middle] <= frame) low = middle;
+        else high = middle;
+    }
+    return low;
+}
+
+enum { JOIN_STAMPS, JOIN_IDS, JOIN_FLAGS, JOIN_DLC, JOIN_SIZES, JOIN_BEGINS, JOIN_CHANNELS, JOIN_COLUMNS };
+#define OF(type, column, b, at) (((const type *)given.list[column].array[b].buf)[at])
+#define INTO(type, column) ((type *)given.array[3 + (column)].buf)
+
+KERNEL(join_frames) {
+    TAKE("l1l1l2*d1*I1*B1*B1*B1*l1*i1d1!I1!B1!B1!B1!l1!i1!l1!");
+    Py_ssize_t frames = LENGTH(0, 0), batches = LENGTH(1, 0), all = 0;
+    const int64_t *order = ARRAY(0)->buf, *starts = ARRAY(1)->buf, *behind = ROW(int64_t, 2, 0), *renamed = ROW(int64_t, 2, 1);
+    int fits = LENGTH(2, 0) == 2 && LENGTH(2, 1) == batches;
+    for (int n = 0; n <= JOIN_COLUMNS; n++) fits &= LENGTH(3 + n, 0) == frames;
+    for (int n = 0; n < JOIN_COLUMNS; n++) fits &= given.list[n].count == batches;
+    for (Py_ssize_t b = 0; fits && b < batches; b++) {
+        Py_ssize_t some = given.list[0].array[b].shape[0];
+        for (int n = 1; n < JOIN_COLUMNS; n++) fits &= given.list[n].array[b].shape[0] == some;
+        fits &= starts[b] == all;
+        all += some;
+    }
+    fits &= all == frames;
+    for (Py_ssize_t n = 0; fits && n < frames; n++) fits = order[n] >= 0 && order[n] < frames;
+    if (!sized(&given, fits)) return NULL;
+    int64_t *batch = INTO(int64_t, JOIN_COLUMNS);
+    for (Py_ssize_t n = 0; n < frames; n++) {
+        Py_ssize_t b = batch_of(starts, batches, order[n]), at = order[n] - starts[b];
+        batch[n] = b;
+        INTO(double, JOIN_STAMPS)[n] = OF(double, JOIN_STAMPS, b, at);
+        INTO(uint32_t, JOIN_IDS)[n] = OF(uint32_t, JOIN_IDS, b, at);
+        for (int column = JOIN_FLAGS; column <= JOIN_SIZES; column++) INTO(uint8_t, column)[n] = OF(uint8_t, column, b, at);
+        INTO(int64_t, JOIN_BEGINS)[n] = OF(int64_t, JOIN_BEGINS, b, at) + behind[b];
+        int32_t channel = OF(int32_t, JOIN_CHANNELS, b, at);
+        INTO(int32_t, JOIN_CHANNELS)[n] = channel <= FIRST_NAME ? (int32_t)(channel + renamed[b]) : channel;
+    }
+    return done(&given);
+}
+#undef OF
+#undef INTO

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from echogrid.core.kernels.answers import fold as fold
 from echogrid.core.kernels.answers import odds as odds
 from echogrid.core.kernels.can_frames import can_frames as can_frames
+from echogrid.core.kernels.can_frames import join_frames as join_frames
 from echogrid.core.kernels.cells import (
     HIT,
     OWN,
