@@ -7,6 +7,8 @@ import re
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +24,15 @@ from echogrid.errors import EchogridError
 from echogrid.logs.drive import find_drive
 
 DEMO = ROOT / "service" / "echogrid" / "demo_drive"
+
+
+@pytest.mark.parametrize(("step", "is_refused"), [(1e-6, False), (0.01, True)])
+def test_where_the_clock_counts_ticks_it_is_said(monkeypatch: pytest.MonkeyPatch, step: float, is_refused: bool) -> None:
+    """User-Mode Linux's does, by 10 ms: every loop took none, and the ratio of two was a division by zero."""
+    looks = count()
+    monkeypatch.setattr(time, "thread_time", lambda: next(looks) // 20 * step)
+    with pytest.raises(EchogridError, match="in steps of 10 ms") if is_refused else nullcontext():
+        bench.check_clock()
 
 
 def test_what_a_stage_calls_is_not_counted_twice(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import time
 from dataclasses import asdict
 from importlib.metadata import version
 from importlib.resources import files
@@ -18,14 +19,18 @@ from echogrid.commands.measuring.loops import paces, seen
 from echogrid.commands.measuring.stages import stages
 from echogrid.commands.terminal import progress
 from echogrid.core.kernels.dispatch import WHY
+from echogrid.errors import EchogridError
 from echogrid.logs.drive import find_drive
 from echogrid.logs.log import check_rereadable
 
+COARSEST = 0.0005  # s
 FLAGS = ("avx2", "avx_vnni", "avx512_vnni", "amx_int8", "asimddp", "i8mm")  # of processors, by which int8 is fast
 
 
 def command(path: Path | None, config: Path | None, model: str | None, seconds: float, *, as_json: bool) -> None:
-    """Of a drive folder, or a log with its configuration; None: the shipped drive. Raises EchogridError for what cannot be read."""
+    """Of a drive folder, or a log with its configuration; None: the shipped drive. Raises EchogridError for what cannot be read, and where
+    processor time cannot be."""
+    check_clock()
     drive = find_drive(path or Path(str(files("echogrid") / "demo_drive")), config)
     check_rereadable(drive.log)
     with progress("bench") as advance:
@@ -47,6 +52,17 @@ def command(path: Path | None, config: Path | None, model: str | None, seconds: 
         print(json.dumps(figures))
         return
     print("\n".join(report(figures)))
+
+
+def check_clock() -> None:
+    """Raises EchogridError where a thread's processor time goes on in such steps as some kernels count it by, one tick or none a loop."""
+    times = [time.thread_time()]
+    while len(times) < 3:  # the first step may have begun before
+        if (now := time.thread_time()) > times[-1]:
+            times.append(now)
+    if (step := times[2] - times[1]) > COARSEST:
+        said = "bench: a thread's processor time goes on in steps of %.0f ms on this kernel, loops take some microseconds"
+        raise EchogridError(said % (step * 1e3))
 
 
 def machine() -> dict[str, Any]:
