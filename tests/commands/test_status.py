@@ -163,15 +163,15 @@ def test_two_services_of_one_name_are_told_by_all(endpoint: str, monkeypatch: py
     to_router = Publish(listen=(), connect=(endpoint,))
     with router(endpoint), Publisher(to_router, "red", Ros()) as one, Client(endpoint, "red") as client:
         with Publisher(to_router, "red", Ros()) as other, Publisher(to_router, "blue", Ros()) as blue:
-            assert until(one.namesake) == until(other.namesake)
-            assert "another service publishes as 'red' too" in one.namesake()[0]
-            assert not blue.namesake()
+            assert until(one.reasons) == until(other.reasons)
+            assert "another service publishes as 'red' too" in one.reasons()[0]
+            assert not blue.reasons()
             assert until(lambda: len(client.runs()) == 2 and client.runs()) == {one.gid, other.gid}
             with sending(one, status()):
                 done = look(endpoint, "--vehicle", "red")
             assert (done.returncode, done.stdout.split("\n")[0]) == (0, "red is ok")
             assert "2 services publish as vehicle 'red'" in done.stderr
-        until(lambda: not one.namesake())
+        until(lambda: not one.reasons())
         until(lambda: client.runs() == {one.gid})
 
 

@@ -52,9 +52,10 @@ def test_the_service_has_the_level_of_its_state(state: str, level: int) -> None:
     assert (part.level, part.message) == (level, f"{state}; radar x: this; yaw rate: that")
 
 
-def test_a_namesake_is_worth_a_warning() -> None:
-    part = diagnostics(status("ok", "vehicle: another service"), "car", 5).status[0]
-    assert (part.level, part.message) == (WARN, "ok; vehicle: another service")
+@pytest.mark.parametrize("reason", ["vehicle: another service", "publish.connect: 'tcp/10.0.0.9:7447' is not connected"])
+def test_what_is_wrong_outside_is_worth_a_warning(reason: str) -> None:
+    part = diagnostics(status("ok", reason), "car", 5).status[0]
+    assert (part.level, part.message) == (WARN, f"ok; {reason}")
 
 
 def test_a_reason_is_told_by_the_part_that_it_names() -> None:

@@ -9,9 +9,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import numpy as np
+import pytest
 import zenoh
 from tests.support import messages
 from tests.support.messages import update
+from tests.support.ports import free_port
 from tests.support.routers import router
 from tests.support.waiting import until
 
@@ -19,6 +21,7 @@ from echogrid.client import Client, MapName, Window
 from echogrid.config.tables import Publish, Ros
 from echogrid.topics.topic import KEY, Message
 from echogrid.zenoh.publisher import Publisher, session_config
+from echogrid.zenoh.routers import linked_of
 
 
 def connected(endpoint: str, vehicle: str, namespace: str = "/echogrid") -> Publisher:
@@ -60,6 +63,54 @@ def test_after_the_router_comes_back_all_goes_on(endpoint: str) -> None:
             until(client.alive)
             until(seen(275, 60), lambda: publisher.put(update(2, 275, np.full((1, 1), 60, np.int8))))
         assert 150 not in dict(latest)
+
+
+def test_a_router_that_is_not_there_is_told_once_and_so_is_its_coming(endpoint: str, caplog: pytest.LogCaptureFixture) -> None:
+    """Each time that it goes or comes."""
+    caplog.set_level("INFO", "echogrid")
+    away, there = f"publish.connect: '{endpoint}' is not connected", f"publish.connect: '{endpoint}' is connected"
+    with connected(endpoint, "car") as publisher:
+        for _ in range(3):
+            assert [reason.partition(":")[0] for reason in publisher.reasons()] == ["publish.connect"]
+        for _ in range(2):
+            with router(endpoint):
+                until(lambda: not publisher.reasons())
+                assert not publisher.reasons()
+            until(publisher.reasons)
+    assert [message.partition(": the service")[0] for message in caplog.messages] == [away, there, away, there, away]
+
+
+def test_a_subscriber_that_connects_is_no_router(endpoint: str) -> None:
+    own = f"tcp/127.0.0.1:{free_port()}"
+    with Publisher(Publish(listen=(own,), connect=(endpoint,)), "car", Ros()) as publisher, Client(own) as client:
+        until(client.alive)
+        assert publisher.reasons()
+        with router(endpoint):
+            until(lambda: not publisher.reasons())
+    with Publisher(Publish(listen=(endpoint,)), "car", Ros()) as publisher:
+        assert not publisher.reasons()
+
+
+@pytest.mark.parametrize(
+    ("endpoints", "links", "missing"),
+    [
+        (["tcp/10.0.0.9:7447"], ["tcp/10.0.0.9:7447"], []),
+        (["tcp/10.0.0.9:7447"], ["tcp/10.0.0.9:7448", "tcp/10.0.0.8:7447", "udp/10.0.0.9:7447"], ["'tcp/10.0.0.9:7447'"]),
+        (["tls/router.local:7447"], ["tls/10.0.0.9:7447"], []),
+        (["tls/router.local:7447"], ["tls/10.0.0.9:40001"], ["'tls/router.local:7447'"]),
+        (["tcp/10.0.0.9:7447?prio=1-7;rel=1#so_sndbuf=65000"], ["tcp/10.0.0.9:7447?prio=1-7;rel=1"], []),
+        (["tcp/[::1]:7447"], ["tcp/[0:0:0:0:0:0:0:1]:7447"], []),
+        (["tcp/[fe80::1%eth0]:7447"], ["tcp/[fe80::1%2]:7447"], []),
+        (["unixsock-stream//run/zenoh"], ["unixsock-stream//run/zenoh"], []),
+        (["unixsock-stream//run/zenoh"], ["unixsock-stream/a0d6185d-d3dc-4c30-97e0-a9967cf1d2de"], ["'unixsock-stream//run/zenoh'"]),
+        (["tcp/a:7447", "tcp/b:7447"], ["tcp/10.0.0.9:7447"], ["'tcp/a:7447' or 'tcp/b:7447'"]),
+        (["tcp/a:7447", "tcp/b:7447"], ["tcp/10.0.0.9:7447", "tcp/10.0.0.8:7447"], []),
+        (["tcp/a:7447", "tcp/10.0.0.9:7447"], ["tcp/10.0.0.9:7447"], ["'tcp/a:7447'"]),
+        (["tcp/10.0.0.9:7447", "tcp/10.0.0.9:7447"], ["tcp/10.0.0.9:7447"], []),
+    ],
+)
+def test_a_link_is_that_of_the_endpoint_where_it_leads(endpoints: list[str], links: list[str], missing: list[str]) -> None:
+    assert [name for name, up in linked_of(endpoints, links).items() if not up] == missing
 
 
 SERVICE = """

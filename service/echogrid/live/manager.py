@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from echogrid.core.trust.watch import State
+from echogrid.topics.diagnostics import OUTSIDE, about
 from echogrid.watching.systemd import Notifier
 
 log = logging.getLogger("echogrid")
@@ -35,7 +36,8 @@ class Manager:
         if self._logged is None or state.name != self._logged.name:
             before = "" if self._logged is None else f" after {now - self._logged_at:.0f} s {self._logged.name}"
             level = logging.INFO if state.name == "ok" or self._logged is None else logging.WARNING  # at the start there is no map yet
-            log.log(level, "; ".join((f"state {state.name}{before}", *state.reasons)))  # a sentence of its own, no repeat to be silenced
+            own = (reason for reason in state.reasons if not any(about(part, (reason,)) for part in OUTSIDE))  # those have their own lines
+            log.log(level, "; ".join((f"state {state.name}{before}", *own)))  # a sentence of its own, no repeat to be silenced
             self._logged, self._logged_at = state, now
         namesake = tuple(reason for reason in state.reasons if reason.startswith("vehicle: "))
         if namesake != self._namesake:

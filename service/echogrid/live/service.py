@@ -96,7 +96,7 @@ class Service:
         state, health = self.mapping.state(), self.pipeline.health
         return {
             "state": state.name,
-            "reasons": state.reasons + (() if self.publisher is None else self.publisher.namesake()),
+            "reasons": state.reasons + (() if self.publisher is None else self.publisher.reasons()),
             "epoch": self.pipeline.mapper.epoch,
             "model": self.pipeline.model.why,
             "kernels": kernels.WHY,

@@ -11,13 +11,14 @@ LEVELS = {"ok": Level.OK, "degraded": Level.WARN, "no_motion": Level.ERROR, "sta
 PROGRAM = "echogrid"  # diagnostic_aggregator groups by the text before the colon
 OTHERS = ("store", "recording", "pose")  # that have a state and a reason of their own, each if configured
 MOTION = ("wheel speed", "yaw rate")
+OUTSIDE = ("vehicle", "publish.connect")  # a namesake, a router that is not there: in `ok` too, for the map is right
 
 
 def diagnostics(status: Mapping[str, Any], vehicle: str, stamp_ns: int) -> DiagnosticArray:
     """`status` is what the service publishes under that name, see docs/watching.md; `stamp_ns`: when it was taken, in Unix time."""
     state, reasons = status["state"], status["reasons"]
     own = {key: value for key, value in status.items() if key not in ("state", "reasons", *OTHERS, "sensors", "buses")}
-    level = Level.WARN if state == "ok" and about("vehicle", reasons) else LEVELS[state]  # beside a namesake the map is right
+    level = Level.WARN if state == "ok" and any(about(part, reasons) for part in OUTSIDE) else LEVELS[state]
     service = DiagnosticStatus(level, f"{PROGRAM}: service", "; ".join((state, *reasons)), vehicle, _texts(own))
     said = [f"{name}: {what}" for name in MOTION for what in about(name, reasons)]
     parts = [_part("motion", vehicle, state, said, Level.ERROR if state == "no_motion" else Level.WARN, {})]

@@ -23,6 +23,7 @@ from echogrid.zenoh.credentials import Credentials, checked
 from echogrid.zenoh.fleet import Fleet
 from echogrid.zenoh.namesakes import SAID, Namesakes
 from echogrid.zenoh.ros import RosNode, topic_keys, viewed
+from echogrid.zenoh.routers import Routers
 from echogrid.zenoh.stream import Stream
 
 log = logging.getLogger("echogrid")
@@ -74,6 +75,7 @@ class Publisher:
         self._ros = RosNode(self.session, ros)
         self._fleet = Fleet(settings.fleet_hz)
         self._alive = self.session.liveliness().declare_token(key(vehicle, ALIVE))
+        self._routers = Routers(self.session, settings.connect)
         self._namesakes = Namesakes(self.session, key(vehicle, "")[:-1], self.gid, asks=runs is not None)
 
     def __enter__(self) -> Self:
@@ -90,9 +92,9 @@ class Publisher:
         """As of `topics.topic.Sink`."""
         return self._streams[topic].heard() or self._ros.wants(topic) or (topic is FULL and self._streams[FLEET].heard())
 
-    def namesake(self) -> tuple[str, ...]:
-        """A reason where another service publishes under our vehicle's name, else nothing. For one thread."""
-        return (SAID.format(self.vehicle),) if self._namesakes.others() else ()
+    def reasons(self) -> tuple[str, ...]:
+        """What is wrong outside: another service that publishes as our vehicle, an endpoint that is not connected. For one thread."""
+        return (*((SAID.format(self.vehicle),) if self._namesakes.others() else ()), *self._routers.missing())
 
     def put(self, message: Message) -> None:
         """To all subscribers."""

@@ -116,4 +116,5 @@ def _stoppable(service: Service, stopped: threading.Event) -> None:
 
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, stop)
-    logging.getLogger("echogrid").info("publishing on %s as vehicle '%s'", ", ".join(service.config.publish.listen), service.config.vehicle)
+    ends = (*service.config.publish.listen, *service.config.publish.connect)
+    logging.getLogger("echogrid").info("publishing on %s as vehicle '%s'", ", ".join(ends), service.config.vehicle)
