@@ -13,6 +13,8 @@ from tests.judging.mistakes import PLANTED, Planted
 from tests.judging.trial import winding
 from tests.support.program import echogrid
 
+from echogrid.config.loading import remarks
+from echogrid.config.tables import Bus, Config, Motion, Pose, Radar
 from echogrid.judging.finding import CODES
 
 
@@ -40,6 +42,30 @@ def test_a_sound_drive_exits_with_0(tmp_path: Path) -> None:
     assert done.stdout.endswith("nothing wrong was found\n")
     done = echogrid("check", "-c", config)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_bus_that_nothing_is_on_is_a_remark_and_no_mistake(tmp_path: Path) -> None:
+    """With a recording and without, in words and as JSON."""
+    config, log = written(tmp_path, winding())
+    config.write_text(config.read_text() + '\n[[bus]]\nname = "body"\nchannel = "can5"\n')
+    for given in ((), (log,)):
+        done = echogrid("check", "-c", config, *given)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert done.stdout.count("bus 'body': no radar, no [motion] and no [pose] is on it, so a service does not open it\n") == 1
+        assert json.loads(echogrid("check", "-c", config, *given, "--json").stdout)["unread_buses"] == ["body"]
+
+
+@pytest.mark.parametrize("table", ["motion", "radar", "pose"])
+def test_a_bus_that_something_is_on_is_read(table: str) -> None:
+    buses = {one: f"of {one}" for one in ("motion", "radar", "pose")}
+    config = Config(
+        bus=tuple(Bus(name=name) for name in buses.values()),
+        motion=Motion(bus=buses["motion"]),
+        radar=(Radar(name="front", bus=buses["radar"], x=0.0, y=0.0, yaw_deg=0.0),),
+        pose=Pose(bus=buses["pose"], profile="pose.toml"),
+    )
+    assert buses[table] in [bus.name for bus in config.read_buses]
+    assert not remarks(config)
 
 
 def test_what_is_mended_is_sound(mirrored: tuple[Path, Path], tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ from echogrid.can.intake.frames import FrameBatch
 from echogrid.client import Client
 from echogrid.commands.demo import demo
 from echogrid.commands.replay import replay
-from echogrid.config.loading import load_config
+from echogrid.config.loading import load_config, remarks
 from echogrid.core.radar import doppler_errors
 from echogrid.errors import EchogridError
 from echogrid.live import publishing
@@ -206,6 +206,22 @@ def test_a_bus_that_is_not_there_is_one_sentence(tmp_path: Path, config: tuple[P
     lines = done.stderr.splitlines()
     assert lines[-1].startswith(f"echogrid: {path}: bus 'can0': socketcan channel 'can97' cannot be opened: ")
     assert "Traceback" not in done.stderr
+
+
+def test_a_bus_that_nothing_is_on_is_not_opened_and_that_is_said(config: tuple[Path, int], caplog: pytest.LogCaptureFixture) -> None:
+    """Not even where it could not be: its frames would all have been received, for there is nothing to select on."""
+    path, _ = config
+    path.write_text(path.read_text() + '\n[[bus]]\nname = "body"\nchannel = "can97"\n')
+    service = Service(Pipeline(load_config(path), path))
+    running = threading.Thread(target=service.run)
+    running.start()
+    try:
+        until(service.live.is_set)
+        assert list(service.status()["buses"]) == ["can0"]
+    finally:
+        service.workers.stop.set()
+        running.join()
+    assert [message for message in caplog.messages if "body" in message] == remarks(service.config)
 
 
 def test_status_is_json(config: tuple[Path, int]) -> None:

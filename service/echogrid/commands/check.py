@@ -9,7 +9,7 @@ from echogrid.commands.check_report import as_document, configured, render, said
 from echogrid.commands.judged import check_live, check_log
 from echogrid.commands.mended import check_new, write_mended
 from echogrid.commands.terminal import progress
-from echogrid.config.loading import load_config
+from echogrid.config.loading import load_config, remarks
 from echogrid.config.tables import Config
 from echogrid.errors import EchogridError
 from echogrid.files import check_file, whole
@@ -58,6 +58,8 @@ def command(
         radars = f"{len(config.radar)} radar{'s' * (len(config.radar) != 1)}"
         buses = "1 bus" if len(config.bus) == 1 else f"{len(config.bus)} buses"
         print(f"{config_path}: {radars} and ego motion{beside} on {buses}, {len(readers)} ids are read")
+        for remark in remarks(config):
+            print(remark)
         return True
     for written, suffix in ((page, ".html"), (fix_out, ".toml")):
         if written is not None:

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from echogrid.commands.judged import Report
+from echogrid.config.loading import remarks
 from echogrid.config.tables import Config
 from echogrid.core.messages import Floats
 from echogrid.judging.finding import Finding
@@ -43,6 +44,7 @@ def as_document(report: Report, config: Path, log: Path | None) -> dict[str, Any
         "log": None if log is None else str(log),
         "seconds": round(report.times.seconds, 3),
         **{key: getattr(health, key) for key in ("frames", "unknown_frames", "bad_frames", "lost_frames")},
+        "unread_buses": _unread(listener.config),
         "other_ids": [{"channel": channel, "id": number, "frames": count} for (channel, (number, _)), count in _others(listener, 20)],
         "motion": {
             SPEED: {**_timing(report.recorded.speed.time), "m_s": _span(report.recorded.speed.value)},
@@ -58,8 +60,12 @@ def as_document(report: Report, config: Path, log: Path | None) -> dict[str, Any
 def configured(config: Config, path: Path, ids: int) -> dict[str, Any]:
     """What a configuration alone says, under the keys of a report where both have them."""
     radars = {radar.name: {"bus": radar.bus, "profile": radar.profile} for radar in config.radar}
-    buses = [bus.name for bus in config.bus]
-    return {"config": str(path), "log": None, "buses": buses, "ids": ids, "radars": radars, "findings": [], "undecided": []}
+    buses = {"buses": [bus.name for bus in config.bus], "unread_buses": _unread(config)}
+    return {"config": str(path), "log": None, **buses, "ids": ids, "radars": radars, "findings": [], "undecided": []}
+
+
+def _unread(config: Config) -> list[str]:
+    return [bus.name for bus in config.bus if bus not in config.read_buses]
 
 
 class _Told(msgspec.Struct):
@@ -142,7 +148,7 @@ def render(report: Report, title: str) -> str:
     lines[0] += f"{health.bad_frames} bad, {health.lost_frames} missing by their counters"
     if beside := report.account.summary():
         lines.append(f"not data frames: {beside}")
-    lines += report.account.notes + report.times.notes()
+    lines += report.account.notes + report.times.notes() + remarks(report.listener.config)
     row = "{:<14}{:>9}{:>9}{:>10}{:>10}{:>12}{:>10}{:>9}{:>12}   {}".format
     lines.append(row("", "rate", "complete", "gap", "jitter", "incomplete", "repeated", "bad crc", "detections", "values"))
 

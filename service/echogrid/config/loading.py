@@ -44,6 +44,12 @@ def load_config(path: Path, model: str | None = None) -> Config:
     return config
 
 
+def remarks(config: Config) -> list[str]:
+    """What a configuration names and nothing needs, one sentence each."""
+    needless = (bus.name for bus in config.bus if bus not in config.read_buses)
+    return [f"bus '{name}': no radar, no [motion] and no [pose] is on it, so a service does not open it" for name in needless]
+
+
 def _check_model(model: str) -> None:
     """What was typed, so that the file's own key is not blamed."""
     if model not in NAMED and not model.endswith(".onnx"):

@@ -226,3 +226,9 @@ class Config(Table, frozen=True):
     publish: Publish = Publish()
     ros: Ros = Ros()
     metrics: Metrics = Metrics()
+
+    @property
+    def read_buses(self) -> tuple[Bus, ...]:
+        """Those that motion, a radar or a pose is on: no frame of another is needed."""
+        named = {self.motion.bus, None if self.pose is None else self.pose.bus, *(radar.bus for radar in self.radar)}
+        return tuple(bus for bus in self.bus if bus.name in named)

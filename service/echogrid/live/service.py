@@ -14,6 +14,7 @@ from typing import Any
 
 import msgspec
 
+from echogrid.config.loading import remarks
 from echogrid.config.tables import Config
 from echogrid.core.kernels import dispatch as kernels
 from echogrid.errors import EchogridError
@@ -136,7 +137,9 @@ class Service:
             metrics = opened.enter_context(Metrics(self.config.metrics, self.config.vehicle))
             publish = partial(self.publishing.run, manager=self.manager, measure=metrics.update)
             self.workers.add("publisher", publish, self.mapping.outbox.wake)
-            self.receiving.open(self.config.bus, opened)
+            for remark in remarks(self.config):
+                log.warning("%s", remark)
+            self.receiving.open(self.config.read_buses, opened)
         except EchogridError as error:
             raise EchogridError(f"{self.pipeline.signals.source}: {error}") from error
         if self._foxglove is not None:
@@ -167,7 +170,7 @@ class Service:
         self.live.set()
         log.info("inverse sensor model: %s", self.pipeline.model.why)
         (log.info if kernels.COMPILED else log.warning)("kernels: %s", kernels.WHY)
-        buses = ", ".join(f"{bus.name} ({bus.interface} {bus.channel})" for bus in self.config.bus)
+        buses = ", ".join(f"{bus.name} ({bus.interface} {bus.channel})" for bus in self.config.read_buses)
         log.info("live on %s", buses)
         self.manager.notifier.ready(f"live on {buses}; no map yet")
 
