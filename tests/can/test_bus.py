@@ -5,7 +5,9 @@ from __future__ import annotations
 import errno
 import socket
 import threading
+import time
 from collections.abc import Iterator
+from functools import partial
 from queue import Empty, SimpleQueue
 
 import can
@@ -143,6 +145,34 @@ def test_who_maps_does_not_wait_for_the_driver_of_a_bus_that_is_lost(monkeypatch
     bus.close()
     assert stuck.came_back
     assert not [thread for thread in threading.enumerate() if thread.name == "watch"]
+
+
+@pytest.mark.parametrize("where", ["reading", "closing"])
+def test_a_driver_that_never_comes_back_is_left_behind(
+    where: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """In a thread that no end of the program waits for, and that is said."""
+    stuck = Stuck()
+    stuck.fails = False
+    if where == "closing":
+        monkeypatch.setattr(stuck, "shutdown", partial(stuck.recv, None))
+        monkeypatch.setattr(stuck, "recv", lambda timeout=None: time.sleep(0.001))
+    monkeypatch.setattr(live, "open_bus", lambda bus, ids: stuck)
+    monkeypatch.setattr(live, "PATIENCE", 0.1)
+    bus = LiveBus(BUS, [ID])
+    assert where == "closing" or stuck.reads.wait(PATIENCE)
+    bus.close()
+    bus.close()
+    assert not stuck.came_back
+    said = "bus 'radars': the driver of virtual channel 'test_bus' does not come back: it is not closed in good order"
+    assert caplog.messages == [said]
+    left = [thread for thread in threading.enumerate() if thread.name in ("watch", "end")]
+    assert left
+    assert all(thread.daemon for thread in left)
+    stuck.let_go.set()
+    for thread in left:
+        thread.join(PATIENCE)
+    assert stuck.came_back
 
 
 class Adapter(slcanBus):

@@ -7,9 +7,10 @@ import logging
 import select
 import socket
 import struct
+import threading
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -31,6 +32,7 @@ log = logging.getLogger("echogrid")
 GATHER = 0.0005  # s from the first frame to the taking of all: those close behind it cost little more
 MOST = 512  # frames that are received at once
 MOST_GARBLED = 100  # frames one after the other, and the bus is taken for lost
+PATIENCE = 2.0  # s for a driver to come back from what it does when its bus is closed
 FIRST_PAUSE, LONGEST_PAUSE = 0.25, 4.0  # s between attempts to open a lost bus
 # linux/sock_diag.h: SO_MEMINFO's ninth number is what the kernel threw away because the buffer was full, as SO_RXQ_OVFL reports it.
 SO_MEMINFO, MEMINFO, DROPS = 55, struct.Struct("=9I"), 8
@@ -124,16 +126,18 @@ class LiveBus:
         return self.health
 
     def close(self) -> None:
-        """A second time does nothing."""
-        if self._opened is not None:
-            opened, self._opened = self._opened, None
-            self._overflow_before += _dropped_by_kernel(opened)
-            sources, self._source, self._faulty = (self._source, self._faulty), None, None
-            for source in sources:
-                if source is not None:
-                    source.close()
-            with suppress(Exception):  # what a driver raises of a device that is gone: it need not be closed in good order
-                opened.shutdown()
+        """At once, or after PATIENCE with a driver that does not come back, which is left behind. A second time does nothing."""
+        if self._opened is None:
+            return
+        opened, self._opened = self._opened, None
+        self._overflow_before += _dropped_by_kernel(opened)
+        sources, self._source, self._faulty = (self._source, self._faulty), None, None
+        ending = threading.Thread(target=_end, args=(opened, sources), name="end", daemon=True)
+        ending.start()
+        ending.join(PATIENCE)
+        if ending.is_alive():
+            said = "bus '%s': the driver of %s channel '%s' does not come back: it is not closed in good order"
+            log.warning(said, self.bus.name, self.bus.interface, self.bus.channel)
 
     def _note(self, codes: NDArray[np.uint32], *, sound_last: bool) -> None:
         """Error frames, by their ids; a bus that was left is up again if a sound frame came last."""
@@ -169,6 +173,15 @@ class LiveBus:
         self._lost, self._pause, self.health.up = False, FIRST_PAUSE, True
         self.health.reconnects += 1
         log.warning("bus '%s': %s channel '%s' is back", self.bus.name, self.bus.interface, self.bus.channel)
+
+
+def _end(opened: can.BusABC, sources: Iterable[Inbox | Watched | None]) -> None:
+    """May wait for the driver, and for ever."""
+    for source in sources:
+        if source is not None:
+            source.close()
+    with suppress(Exception):  # what a driver raises of a device that is gone: it need not be closed in good order
+        opened.shutdown()
 
 
 def wait(buses: Sequence[LiveBus], timeout: float) -> None:

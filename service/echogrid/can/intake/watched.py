@@ -57,7 +57,7 @@ class Watched:
         return FrameBatch.of(messages)
 
     def close(self) -> None:
-        """The interface itself stays open. Nothing is taken afterwards."""
+        """Once the driver comes back, however long that takes. The interface itself stays open. Nothing is taken afterwards."""
         self._ended = True
         self._taken.release()
         self._thread.join()
