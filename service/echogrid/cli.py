@@ -124,7 +124,7 @@ def _parser() -> argparse.ArgumentParser:
         "--seconds", type=arguments.seconds, metavar="N", help="instead of a LOG: listen to the configured buses for so long"
     )
     check.add_argument("--fix-out", type=Path, metavar="FILE.toml", help="the mended configuration, with its profiles beside it")
-    check.add_argument("--force", action="store_true", help="replace files of --fix-out that are there")
+    check.add_argument("--force", action="store_true", help="replace files of --fix-out and --report that are there")
     check.add_argument("--report", type=Path, metavar="FILE.html", help="one page with plots")
     check.set_defaults(command=_check)
 

@@ -44,6 +44,19 @@ def test_a_sound_drive_exits_with_0(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.parametrize("option", ["--report", "--fix-out"])
+def test_what_is_there_is_replaced_by_force_alone(option: str, tmp_path: Path) -> None:
+    """And the recording is not gone through first."""
+    config, log = written(tmp_path, winding())
+    there = tmp_path / {"--report": "there.html", "--fix-out": "there.toml"}[option]
+    there.write_text("mine")
+    done = echogrid("check", "-c", config, tmp_path / "nowhere.log", option, there)
+    assert (done.returncode, there.read_text()) == (1, "mine")
+    assert done.stderr == f"echogrid: {there}: is there already; give another {option}, or --force to replace it\n"
+    assert echogrid("check", "-c", config, log, option, there, "--force").returncode == 0
+    assert there.read_text() != "mine"
+
+
 def test_a_bus_that_nothing_is_on_is_a_remark_and_no_mistake(tmp_path: Path) -> None:
     """With a recording and without, in words and as JSON."""
     config, log = written(tmp_path, winding())
@@ -75,7 +88,7 @@ def test_what_is_mended_is_sound(mirrored: tuple[Path, Path], tmp_path: Path) ->
     profile = tmp_path / "mended_own_radar.toml"
     profile.write_text("mine")
     done = echogrid(*wanted)
-    assert (done.returncode, profile.read_text(), (tmp_path / "mended.toml").exists()) == (1, "mine", False)
+    assert (done.returncode, profile.read_text(), [path.name for path in tmp_path.iterdir()]) == (1, "mine", [profile.name])
     assert done.stderr == f"echogrid: {profile}: is there already; give another --fix-out, or --force to replace it\n"
     done = echogrid(*wanted, "--force")
     assert (done.returncode, done.stderr) == (2, "")

@@ -32,8 +32,8 @@ def command(
 ) -> bool:
     """Prints what was found; returns whether nothing is wrong. `seconds`: so long the configured buses are listened to, instead of a log.
 
-    Raises EchogridError where configuration, log or bus cannot be read, a file of `fix_out` is there already and not to be replaced by
-    `force`, and, after all is printed, where the log is torn, its times are
+    Raises EchogridError where configuration, log or bus cannot be read, `page` or a file of `fix_out` is there already and not to be
+    replaced by `force`, and, after all is printed, where the log is torn, its times are
     none, or a file that the configuration names would end the service at its start: a recording may be checked where that is not.
     """
     if log is not None and seconds is not None:
@@ -61,11 +61,11 @@ def command(
         for remark in remarks(config):
             print(remark)
         return True
-    for written, suffix in ((page, ".html"), (fix_out, ".toml")):
+    for option, written, suffix in (("--report", page, ".html"), ("--fix-out", fix_out, ".toml")):
         if written is not None:
             check_file(written, suffix)
-    if fix_out is not None and not force:
-        check_new(fix_out)
+            if not force:
+                check_new(written, option)
     name = log.name if log is not None else "the live buses"
     with progress(f"check {name}") as advance:
         report = (
@@ -73,13 +73,13 @@ def command(
         )
     shown = name if log is None else str(log)
     print(json.dumps(as_document(report, config_path, log), indent=2) if as_json else render(report, shown))
+    if fix_out is not None:
+        write_mended(report, config_path, fix_out, force=force)  # first: it may refuse, and then nothing is written
     if page is not None:
         from echogrid.judging.pages.page import page_of
 
         with whole(page) as partial:
             partial.write_text(page_of(report.recorded, report.judgement, said(report), f"{name} with {config_path.name}"))
-    if fix_out is not None:
-        write_mended(report, config_path, fix_out, force=force)
     files = [str(path) for path in (page, fix_out) if path is not None]
     if files and not as_json:
         print(f"written: {', '.join(files)}")

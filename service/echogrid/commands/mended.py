@@ -18,10 +18,10 @@ from echogrid.judging.mending import MOTION, POSE
 MOST_BYTES = 1 << 20  # of a configuration or profile
 
 
-def check_new(path: Path) -> None:
+def check_new(path: Path, option: str) -> None:
     """Raises EchogridError where something is there already."""
     if path.exists():
-        raise EchogridError(f"{path}: is there already; give another --fix-out, or --force to replace it")
+        raise EchogridError(f"{path}: is there already; give another {option}, or --force to replace it")
 
 
 def write_mended(report: Report, source: Path, out: Path, *, force: bool) -> None:
@@ -57,7 +57,7 @@ def write_mended(report: Report, source: Path, out: Path, *, force: bool) -> Non
             changes[*table, "dbc"] = relative_to(out.parent, profile.parent / described)
     texts[out.name] = edited(read(source, MOST_BYTES).decode("utf-8-sig"), changes)
     for name in () if force else texts:
-        check_new(out.parent / name)
+        check_new(out.parent / name, "--fix-out")
     for name, text in texts.items():
         with whole(out.parent / name) as partial:
             partial.write_text(text)
