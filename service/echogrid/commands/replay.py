@@ -27,8 +27,9 @@ from echogrid.files import check_file, check_folder, named
 from echogrid.logs.drive import Drive, Truth, find_drive, load_truth
 from echogrid.logs.log import Log, check_rereadable
 from echogrid.pipeline import Pipeline
+from echogrid.store.claim import check_free
 from echogrid.store.store_file import SUFFIX
-from echogrid.store.tile_keeper import GOES_ON, TileKeeper
+from echogrid.store.tile_keeper import GOES_ON, TileKeeper, check_ours
 
 if TYPE_CHECKING:
     from echogrid.recording.replay_recording import ReplayRecording
@@ -89,6 +90,8 @@ def check_outputs(out: Path, store: Path | None) -> None:
     check_folder(out)
     if store is not None:
         check_file(store, SUFFIX)
+        check_ours(store)
+        check_free(store)
 
 
 def say(line: str) -> None:

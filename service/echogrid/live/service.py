@@ -26,6 +26,7 @@ from echogrid.live.receiving import Receiving
 from echogrid.pipeline import Pipeline
 from echogrid.recording.foxglove import Foxglove
 from echogrid.recording.mcap_recorder import McapRecorder
+from echogrid.store.claim import check_free
 from echogrid.store.learned_file import LEARNED
 from echogrid.store.store_file import SUFFIX
 from echogrid.store.tile_keeper import TileKeeper, check_ours
@@ -129,6 +130,7 @@ class Service:
             path = store_path(self.config)
             if path is not None:
                 check_ours(path)  # before a bus or a port is opened
+                check_free(path)
             publisher = opened.enter_context(Publisher(self.config.publish, self.config.vehicle, self.config.ros, self.config.pose))
             self.publisher = publisher
             self.publishing.sinks.append(publisher)
