@@ -6,10 +6,12 @@ import json
 import threading
 from pathlib import Path
 
+import can
 import numpy as np
 import pytest
 from tests.support import world
 from tests.support.pages import Seen, served, watch
+from tests.support.status import status
 
 from echogrid.commands.replay import replay
 from echogrid.config.loading import load_config
@@ -18,7 +20,9 @@ from echogrid.errors import EchogridError
 from echogrid.logs.drive import find_drive
 from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
+from echogrid.recording.mcap_writer import McapWriter
 from echogrid.topics.announcer import occupancy_percent
+from echogrid.topics.topic import STATUS, Message
 from echogrid.viewing.recorded import DriveFeed, McapFeed
 from echogrid.viewing.shows import MapShow, TapeShow
 from echogrid.viewing.stored import stored_scene
@@ -141,12 +145,59 @@ def test_torn_and_foreign_recordings_end_in_one_sentence(folder: Path, tmp_path:
 
 def test_a_torn_log_is_complete_as_far_as_it_goes_and_one_without_a_map_says_so(folder: Path, tmp_path: Path) -> None:
     lines = (folder / "can.log").read_text().splitlines(keepends=True)
-    for name, kept, sentence in (("torn", lines[:2000], "noise"), ("other", ["(1.0) can0 7AA#00\n"], "noise'; no map came of it; ")):
+    for name, kept, sentence in (
+        ("torn", lines[:2000], "noise"),
+        ("other", ["(1.0) can0 7AA#00\n"], "noise'; none of its 1 frames .* ids 0x7AA "),
+    ):
         (tmp_path / f"{name}.log").write_text("".join(kept) + "noise\n")
         show = TapeShow(DriveFeed(find_drive(tmp_path / f"{name}.log", folder / "echogrid.toml"), "analytic"))
         with pytest.raises(EchogridError, match=f"{name}.log: 1 of its parts .*{sentence}"):
             show.work(threading.Event())
         assert (show.feed.tape.done, bool(show.feed.tape.end)) == (1.0, name == "torn")
+
+
+KEPT = {"motion alone": range(0x300), "radars alone": range(0x300, 0x400), "strangers": range(0), "another channel": range(0x400)}
+
+
+@pytest.mark.parametrize(
+    ("kind", "sentence"),
+    [
+        ("motion alone", "drive.log: no map came of it: it has 0 complete scans and "),
+        ("radars alone", " complete scans and 0 frames of ego motion"),
+        ("strangers", "drive.log: none of its 1 frames is one that "),
+        ("another channel", "give log_channel = \"can7\" to the bus 'can0'"),
+        ("frames alone", "nothing was published on /echogrid/map; with -c echogrid.toml the CAN frames in it are mapped"),
+        ("a status alone", "nothing was published on /echogrid/map; its last status is stale; radar front: silent"),
+        ("nothing", "drive.mcap: holds no map of echogrid: nothing was published on /echogrid/map"),
+    ],
+)
+def test_a_page_of_a_recording_without_a_map_says_what_is_missing(kind: str, sentence: str, folder: Path, tmp_path: Path) -> None:
+    """And which recording it is: it waits for no connection."""
+    stranger = can.Message(arbitration_id=0x7AA, is_extended_id=False, channel="can0", timestamp=1.0)
+    feed: DriveFeed | McapFeed
+    if kind in KEPT:
+        with can.CanutilsLogWriter(tmp_path / "drive.log") as writer:
+            for message in [stranger, *Log(folder / "can.log")]:
+                if message is stranger or message.arbitration_id in KEPT[kind]:
+                    message.channel = "can7" if kind == "another channel" else "can0"
+                    writer.on_message_received(message)
+        feed = DriveFeed(find_drive(tmp_path / "drive.log", folder / "echogrid.toml"), "analytic")
+    else:
+        with McapWriter(tmp_path / "drive.mcap") as recording:
+            if kind == "frames alone":
+                recording.frame("can0", stranger)
+            if kind == "a status alone":
+                recording.put(Message(STATUS, json.dumps(status("stale", "radar front: silent")).encode(), 1, 0, 0))
+        feed = McapFeed(tmp_path / "drive.mcap")
+    show, seen = TapeShow(feed), Seen()
+    with pytest.raises(EchogridError):
+        show.work(threading.Event())
+    with served(Ready(feed)) as (_, port), watch(port) as viewer:
+        while Kind.CLOCK not in seen.documents:
+            seen.take(viewer.recv(timeout=60))
+    assert seen.documents[Kind.HELLO]["name"] in ("drive.log", "drive.mcap")
+    assert sentence in seen.documents[Kind.CLOCK]["failure"]
+    assert "\n" not in seen.documents[Kind.CLOCK]["failure"]
 
 
 def test_a_viewer_plays_seeks_and_pauses(feed: DriveFeed) -> None:

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from echogrid.can.bus import LiveBus, wait
 from echogrid.can.intake.frames import FrameBatch
-from echogrid.commands.traffic import Traffic
 from echogrid.config.tables import Config
 from echogrid.errors import EchogridError
 from echogrid.judging.finding import Finding
@@ -21,6 +20,7 @@ from echogrid.judging.recorded import Recorded
 from echogrid.logs.formats.account import Account
 from echogrid.logs.formats.times import Times
 from echogrid.logs.log import Log
+from echogrid.logs.traffic import Traffic
 
 POLL = 0.1  # s
 

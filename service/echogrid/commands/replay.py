@@ -20,12 +20,12 @@ from echogrid.commands.learning import learn
 from echogrid.commands.recorder import Recorder, report
 from echogrid.commands.state_log import StateLog
 from echogrid.commands.terminal import progress, show_map
-from echogrid.commands.traffic import Traffic
 from echogrid.config.loading import load_config
 from echogrid.errors import EchogridError, NoMapError
 from echogrid.files import check_file, check_folder, named
 from echogrid.logs.drive import Drive, Truth, find_drive, load_truth
 from echogrid.logs.log import Log, check_rereadable
+from echogrid.logs.traffic import Traffic
 from echogrid.pipeline import Pipeline
 from echogrid.store.claim import check_free
 from echogrid.store.store_file import SUFFIX
@@ -255,18 +255,9 @@ def nothing_known(drive: Drive, pipeline: Pipeline, traffic: Traffic, torn: Echo
     """What to say of a recording without a frame that the configuration knows."""
     if torn is not None and not pipeline.health.frames:
         return torn
-    expected = sorted({f"0x{frame_id:X}" for _, (frame_id, _) in pipeline.signals.readers})
-    found = sorted({frame_id for _, _, (frame_id, _) in traffic.unread})[:8]
-    why = "; ".join(traffic.strangers()) or (
-        f"found ids {', '.join(f'0x{frame_id:X}' for frame_id in found)} …, expected {', '.join(expected[:8])} …"
-    )
-    said = f"none of its {pipeline.health.frames} frames is one that {drive.config} knows: {why}"
+    said = traffic.nothing_known(drive.config, pipeline.health)
     return NoMapError(f"{drive.log}: {said}") if torn is None else EchogridError(f"{torn}; {said}")
 
 
 def why_none(pipeline: Pipeline, traffic: Traffic) -> str:
-    scans = sum(sensor.complete for sensor in pipeline.health.sensors.values())
-    bad = pipeline.health.bad_frames
-    said = [f"{bad} frames are bad: too short, or with a wrong checksum, counter, value or time"] if bad else []
-    said += [reason for reason in pipeline.state(0).reasons if not reason.startswith("no map yet")]
-    return "; ".join([f"it has {scans} complete scans and {traffic.motion} frames of ego motion", *said, *traffic.strangers()])
+    return traffic.why_no_map(pipeline.health, pipeline.state(0).reasons)

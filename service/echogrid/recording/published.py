@@ -43,6 +43,7 @@ class Published:
         except OSError as error:
             raise EchogridError(f"{path}: cannot be read: {error.strerror}") from error
         self.path = path
+        self.frames = False  # whether there are CAN frames too
         self.malformed = 0  # messages that cannot be decoded
         self._key: Grid | None = None
         self._decoders: dict[str, Callable[[int, bytes], Item | None]] = {
@@ -64,7 +65,7 @@ class Published:
             from mcap.records import Channel
             from mcap.writer import MCAP0_MAGIC
 
-            from echogrid.logs.formats.mcap_log import MESSAGE, all_records, stream
+            from echogrid.logs.formats.mcap_log import BUSES, MESSAGE, all_records, stream
         except ImportError as error:
             raise EchogridError(f"{self.path}: mcap is not installed: pip install mcap") from error
         decoders: dict[int, Callable[[int, bytes], Item | None]] = {}
@@ -75,6 +76,7 @@ class Published:
                 for opcode, body in all_records(file):
                     if opcode == Opcode.CHANNEL:
                         channel = Channel.read(stream(body))
+                        self.frames |= channel.topic.startswith(BUSES)
                         if channel.topic in self._decoders and channel.message_encoding == "cdr":
                             decoders[channel.id] = self._decoders[channel.topic]
                     elif opcode == Opcode.MESSAGE:

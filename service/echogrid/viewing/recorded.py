@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -10,12 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.can.signals import buses_of
 from echogrid.config.loading import load_config
 from echogrid.core.map.map_delta import Rectangle
 from echogrid.core.map.tiled_map import LogOdds
+from echogrid.core.mapper import MapUpdate
 from echogrid.errors import EchogridError
 from echogrid.logs.drive import Drive, load_truth
 from echogrid.logs.log import Log
+from echogrid.logs.traffic import Traffic
 from echogrid.pipeline import Pipeline
 from echogrid.recording.published import Published
 from echogrid.topics.announcer import MAP_FRAME, Announcer, Snapshot, Snapshots, occupancy_percent
@@ -26,22 +30,27 @@ from echogrid.viewing.wire import Plane
 
 SECOND = 10**9  # ns
 UNKNOWN, LEARNED, MEASURED = 0, 1, 2
-NO_MAP = "no map came of it; `echogrid check` says why"
 
 
 class DriveFeed:
-    """Maps a drive in `run`, as fast as it goes, and puts on the tape what the page shows of it, the map's age and origin too."""
+    """Maps a drive in `run`, as fast as it goes, and puts on the tape what the page shows of it, the map's age and origin too.
+
+    `begin`: what a page is told before there is anything.
+    """
 
     def __init__(self, drive: Drive, model: str | None) -> None:
         """Raises EchogridError for a configuration or a log that cannot be used."""
         self.tape = Tape()
         self._config = load_config(drive.config, model)
         self._pipeline = Pipeline(self._config, drive.config)
+        self._traffic = Traffic(self._config, self._pipeline.signals)
+        self._source = drive.config
         self._log = Log(drive.log)
         self._truth = load_truth(drive.truth)
         planes = ["OCCUPANCY", "SOURCE", "SEEN"] + (["TRUTH"] if self._truth is not None and self._truth.map is not None else [])
         name = drive.config.parent.name if drive.log.parent == drive.config.parent else drive.log.name
         self._scene = Scene({"shown": "drive", "name": name, "planes": planes, "timeline": True, "truth": self._truth is not None})
+        self.begin = self._scene.whole()
         self._second: int | None = None  # of the drive, in which status and planes were told
         self._counted = (0, 0, 0)  # stamp in ns, cycles and frames of the last status
 
@@ -50,7 +59,7 @@ class DriveFeed:
         snapshots, announcer = Snapshots(), Announcer(self._config, self._pipeline.model.why)
         frames = self._scene.meta(announcer.about()) + self._true()
         try:
-            for update in self._pipeline.updates(self._log.batches()):
+            for update in self._updates():
                 if stop.is_set():
                     return
                 snapshot = snapshots.take(self._pipeline.mapper, update, self._config.publish)
@@ -59,12 +68,24 @@ class DriveFeed:
                     self.tape.add(update.ego.stamp_ns, frames, self._scene)
                     self.tape.done, frames = self._log.progress, []
         except EchogridError as torn:
-            if self.tape.end or not self._log.messages:
+            if not self.tape.empty or not self._log.messages:
                 raise
-            raise EchogridError(f"{torn}; {NO_MAP}") from torn
+            raise EchogridError(f"{torn}; {self._why_no_map()}") from torn
         self.tape.done = 1.0
-        if not self.tape.end:
-            raise EchogridError(f"{self._log.path}: {NO_MAP}")
+        if self.tape.empty:
+            raise EchogridError(f"{self._log.path}: {self._why_no_map()}")
+
+    def _updates(self) -> Iterator[MapUpdate]:
+        for batch in self._log.batches():
+            buses = buses_of(batch, self._config.bus)
+            self._traffic.take(batch, buses)
+            yield from (update for _, update in self._pipeline.take(batch, buses) if update is not None)
+
+    def _why_no_map(self) -> str:
+        health = self._pipeline.health
+        if not self._traffic.heard:
+            return self._traffic.nothing_known(self._source, health)
+        return f"no map came of it: {self._traffic.why_no_map(health, self._pipeline.state(0).reasons)}"
 
     def _true(self) -> Frames:
         truth = self._truth
@@ -115,6 +136,8 @@ class McapFeed:
         self.tape = Tape()
         self._published = Published(path)
         self._scene = Scene({"shown": "drive", "name": path.name, "planes": ["OCCUPANCY"], "timeline": True})
+        self.begin = self._scene.whole()
+        self._status: Mapping[str, Any] | None = None  # the last
 
     def run(self, stop: threading.Event) -> None:
         """As DriveFeed's."""
@@ -123,6 +146,7 @@ class McapFeed:
             if stop.is_set():
                 return
             if item.status is not None:
+                self._status = item.status
                 epoch = item.status.get("epoch", 0)
                 frames += scene.status(item.status, item.stamp_ns)
             if item.meta is not None:
@@ -136,8 +160,16 @@ class McapFeed:
                 self.tape.add(item.stamp_ns, frames, scene)
                 self.tape.done, frames = self._published.progress, []
         self.tape.done = 1.0
-        if not self.tape.end:
-            raise EchogridError(f"{self._published.path}: holds no map of echogrid: nothing was published on /echogrid/map")
+        if self.tape.empty:
+            raise EchogridError(f"{self._published.path}: holds no map of echogrid: {self._why_no_map()}")
+
+    def _why_no_map(self) -> str:
+        said = ["nothing was published on /echogrid/map"]
+        if self._status is not None:
+            said.append("; ".join(map(str, (f"its last status is {self._status.get('state')}", *self._status.get("reasons", ())))))
+        if self._published.frames:
+            said.append("with -c echogrid.toml the CAN frames in it are mapped")
+        return "; ".join(said)
 
 
 def origin_of(log_odds: LogOdds, measured: NDArray[np.bool_]) -> NDArray[np.uint8]:

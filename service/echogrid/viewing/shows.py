@@ -89,7 +89,9 @@ class TapeShow:
     async def watch(self, viewer: Viewer) -> None:
         tape, loop = self.feed.tape, asyncio.get_running_loop()
         at, told, done = 0.0, 0.0, 0  # s of the drive; when the page was told of it; entries that it has
-        while not tape.count(0.0):
+        if tape.empty:
+            await viewer.send(self.feed.begin)
+        while tape.empty:
             await viewer.send([_clock(tape, 0.0, viewer)])
             await asyncio.sleep(FIRST if tape.failure is None else TICK)
         last = loop.time()

@@ -49,6 +49,11 @@ class Tape:
             raise EchogridError(f"the recording is too long to be shown at once: its first {self.end:.0f} s fill {MOST_BYTES >> 20} MiB")
 
     @property
+    def empty(self) -> bool:
+        """Whether there is no entry yet."""
+        return not self._times
+
+    @property
     def end(self) -> float:
         """s from the first entry to the last."""
         return self._times[-1] if self._times else 0.0

@@ -15,13 +15,13 @@ from echogrid.commands.recorder import Recorder
 from echogrid.commands.replay import aside, check_outputs, first_ns, in_part, no_map, nothing_known, reported, say, true_poses, why_none
 from echogrid.commands.state_log import StateLog
 from echogrid.commands.terminal import progress
-from echogrid.commands.traffic import Traffic
 from echogrid.config.loading import load_config
 from echogrid.config.tables import Config
 from echogrid.live.player import Player, on_virtual_buses
 from echogrid.live.service import Service
 from echogrid.logs.drive import Drive, find_drive
 from echogrid.logs.log import Log
+from echogrid.logs.traffic import Traffic
 from echogrid.pipeline import Pipeline
 
 

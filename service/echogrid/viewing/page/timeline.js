@@ -30,6 +30,7 @@ export class Timeline {
     if (clock.failure) {
       by("notice").textContent = clock.failure;
       by("notice").hidden = false;
+      if (!this.page.pose) this.page.panel.state("stale", "no map", []);
     }
   }
 

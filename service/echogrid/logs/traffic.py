@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,7 @@ from echogrid.can.motion import MotionReader
 from echogrid.can.radar import RadarReader
 from echogrid.can.signals import SignalReader
 from echogrid.config.tables import Config
+from echogrid.core.health import Health
 from echogrid.logs.formats.times import Times
 
 MOST_IDS = 1 << 16  # that are counted; garbage has more
@@ -55,6 +58,23 @@ class Traffic:
     def heard(self) -> bool:
         """Whether any frame is one that is read, sound or not."""
         return bool(self._heard)
+
+    def nothing_known(self, configuration: Path, health: Health) -> str:
+        """What to say where no frame is one that is read."""
+        expected = sorted({f"0x{frame_id:X}" for _, (frame_id, _) in self._readers})
+        found = sorted({frame_id for _, _, (frame_id, _) in self.unread})[:8]
+        why = "; ".join(self.strangers()) or (
+            f"found ids {', '.join(f'0x{frame_id:X}' for frame_id in found)} …, expected {', '.join(expected[:8])} …"
+        )
+        return f"none of its {health.frames} frames is one that {configuration} knows: {why}"
+
+    def why_no_map(self, health: Health, reasons: Sequence[str]) -> str:
+        """What is missing where frames are read and none gave a map; `reasons`: of the map's state at the end."""
+        scans = sum(sensor.complete for sensor in health.sensors.values())
+        bad = health.bad_frames
+        said = [f"{bad} frames are bad: too short, or with a wrong checksum, counter, value or time"] if bad else []
+        said += [reason for reason in reasons if not reason.startswith("no map yet")]
+        return "; ".join([f"it has {scans} complete scans and {self.motion} frames of ego motion", *said, *self.strangers()])
 
     def coarse(self, times: Times) -> list[str]:
         """Says so where times do not tell frames of ego motion apart: nothing moves between two of the same time."""
