@@ -191,6 +191,10 @@ def test_what_is_missing_is_said(drive: Path, tmp_path: Path) -> None:
         find_drive(tmp_path / "nothing", None)
     with pytest.raises(EchogridError, match="holds no recording, expected one of can.log.gz"):
         find_drive(tmp_path, None)
+    (tmp_path / "can.log").write_text("")
+    with pytest.raises(EchogridError, match=r"holds can\.log and no echogrid\.toml: give a configuration with -c"):
+        find_drive(tmp_path, None)
+    assert find_drive(tmp_path, tmp_path / "car.toml").config == tmp_path / "car.toml"
 
 
 def test_an_output_that_cannot_be_written_is_said(drive: Path, tmp_path: Path) -> None:

@@ -28,6 +28,7 @@ UNITS = {
     "radar cross section": {"dBsm": 1.0},
     "share": {"1": 1.0, "%": 0.01},
 }
+DATABASES = (".dbc", ".arxml", ".kcd", ".sym")  # files of signals, which a profile is not
 MESSAGES = 2048  # as many as there are ids of 11 bits
 FACTORS = {unit: factor for units in UNITS.values() for unit, factor in units.items()}
 Sign = Literal[1, -1]
@@ -284,6 +285,9 @@ def find(name: str, beside: Path) -> Path:
     """A profile's file: the name of a shipped one, or a path ending in .toml from the folder `beside`. Raises EchogridError."""
     if name.endswith(".toml"):
         return beside / name
+    if name.lower().endswith(DATABASES):
+        said = f"'{name}' found, which belongs under the key 'dbc': expected a profile that says what its signals are"
+        raise EchogridError(f"profile: {said}; `echogrid init` writes one")
     path = shipped() / f"{name}.toml"
     if not surely(path.is_file):
         known = sorted(entry.stem for entry in shipped().glob("*.toml"))

@@ -49,7 +49,7 @@ def load(path: Path, kind: type[T]) -> T:
     except RecursionError as error:
         raise EchogridError(f"{path}: tables or arrays are nested too deeply") from error
     except ValueError as error:  # TOMLDecodeError, and what Python says of endless numbers
-        why = twice(text, str(error), kind) or f"is not valid TOML: {error}{_other(path)}"
+        why = twice(text, str(error), kind) or f"is not valid TOML: {error}{_line(text, str(error))}{_other(path)}"
         raise EchogridError(f"{path}: {why}") from error
     if nameless is not None:
         raise EchogridError(f"{path}: {nameless}")
@@ -68,6 +68,15 @@ def _mistaken(kind: type, document: dict[str, object]) -> str | None:
     if not is_profile and "kind" in document and "bus" not in document:
         return f"is a profile of kind {document['kind']!r}, expected a configuration, which names it"
     return None
+
+
+def _line(text: str, said: str) -> str:
+    """What stands in the line that the parser names; nothing where it names none."""
+    named = re.search(r"\(at line (\d+), column \d+\)$", said)
+    if named is None:
+        return ""
+    line = text.replace("\r\n", "\n").split("\n")[int(named[1]) - 1].strip()[:60]
+    return f": '{''.join(letter if letter.isprintable() else '?' for letter in line)}'"
 
 
 def _other(path: Path) -> str:

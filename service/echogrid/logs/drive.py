@@ -63,6 +63,8 @@ def find_drive(path: Path, config: Path | None) -> Drive:
         wanted = f"{path}: holds no recording, expected one of can.log.gz, {', '.join(f'can{ending}' for ending in ENDINGS)}"
         other = first_recording(path)
         raise EchogridError(wanted if other is None else f"{wanted}; {other} is taken by its own name, with -c")
+    if config is None and not (path / "echogrid.toml").is_file():
+        raise EchogridError(f"{path}: holds {log.name} and no echogrid.toml: give a configuration with -c")
     return Drive(config or path / "echogrid.toml", log, path / "truth.npz")
 
 
