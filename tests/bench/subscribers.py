@@ -78,11 +78,12 @@ class Car:
         self.step += 1
         ego = EgoState(time.time_ns(), SE2(self.step * 0.5, 0, 0), 10.0, 0.0)
         window = around(ego.odom_from_base, 30 / 128, self.cells)
-        seen = window.joined(key_window(window))
+        key = key_window(window)
+        seen = window.joined(key)
         middle = slice(self.cells // 2 - 64, self.cells // 2 + 64)
         self.world[middle, middle] += self.random.normal(0, 0.2, (128, 128)).astype(np.float32)
         update = MapUpdate(ego, self.random.normal(0, 10, (100, 2)))
-        snapshot = Snapshot(update, Certainty(np.eye(3), np.eye(2)), 0, window, seen, self.world[: seen.height, : seen.width])
+        snapshot = Snapshot(update, Certainty(np.eye(3), np.eye(2)), 0, window, key, seen, self.world[: seen.height, : seen.width])
         started = time.monotonic()
         for message in self.announcer.map(snapshot):
             self.publisher.put(message)

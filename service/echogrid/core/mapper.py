@@ -49,25 +49,13 @@ class Judged(msgspec.Struct, frozen=True, eq=False):
     STATIC: ClassVar[int] = int(GateVerdict.STATIC)  # went into the map
     MOVING: ClassVar[int] = int(GateVerdict.MOVING)  # by its range rate
     BESIDE: ClassVar[int] = int(GateVerdict.BESIDE)  # seems to stand, but lies beside some that move: dropped with them
+    UNASKED: ClassVar[int] = int(GateVerdict.UNASKED)
 
-    @property
-    def points(self) -> Floats:
-        """(K, 2) m, base frame."""
-        return self.all_points[self._asked]
-
-    @property
-    def radars(self) -> NDArray[np.uint8]:
-        """(K,) number of the radar in the configuration."""
-        return np.array(self.numbers, np.uint8).take(self.scan[self._asked])
-
-    @property
-    def verdicts(self) -> NDArray[np.uint8]:
-        """(K,) STATIC, MOVING or BESIDE."""
-        return self.all_verdicts[self._asked]
-
-    @property
-    def _asked(self) -> NDArray[np.bool_]:
-        return np.asarray(self.all_verdicts != GateVerdict.UNASKED)
+    def near(self) -> tuple[Floats, NDArray[np.uint8], NDArray[np.uint8]]:
+        """Those that are near enough: their points (K, 2), numbers (K,) of their radars in the configuration, and verdicts (K,): STATIC,
+        MOVING or BESIDE."""
+        asked = self.all_verdicts != self.UNASKED
+        return self.all_points[asked], np.array(self.numbers, np.uint8).take(self.scan[asked]), self.all_verdicts[asked]
 
 
 NOTHING_JUDGED = Judged(np.zeros((0, 2)), np.zeros(0, np.int64), (), np.zeros(0, np.uint8))

@@ -22,7 +22,7 @@ from echogrid.topics.diagnostic_array import encode_diagnostics
 from echogrid.topics.diagnostics import diagnostics
 from echogrid.topics.grids import Grid, GridUpdate, encode_grid, encode_update
 from echogrid.topics.points import JudgedPoints, Points, encode_judged, encode_points
-from echogrid.topics.poses import Odometry, Transform, encode_odometry, encode_transforms, spread
+from echogrid.topics.poses import PLANE, WAY, Odometry, Transform, encode_odometry, encode_transforms, spread
 from echogrid.topics.topic import (
     DETECTIONS,
     DIAGNOSTICS,
@@ -65,7 +65,8 @@ class Snapshot(msgspec.Struct, frozen=True, eq=False):
     certainty: Certainty  # of the car's motion, then
     epoch: int
     window: Rectangle  # around the car
-    seen: Rectangle  # holds `window` and its key window
+    key: Rectangle  # its key window
+    seen: Rectangle  # holds both
     log_odds: LogOdds  # of `seen`
 
 
@@ -96,8 +97,9 @@ class Snapshots:
 
     def _of(self, mapper: Mapper, update: MapUpdate, settings: Publish) -> Snapshot:
         window = around(update.ego.odom_from_base, mapper.map.spec.cell, settings.window_cells)
-        seen = window.joined(key_window(window))
-        return Snapshot(update, mapper.certainty(update.ego), mapper.epoch, window, seen, mapper.map.window(*seen))
+        key = key_window(window)
+        seen = window.joined(key)
+        return Snapshot(update, mapper.certainty(update.ego), mapper.epoch, window, key, seen, mapper.map.window(*seen))
 
 
 class Announcer:
@@ -127,7 +129,7 @@ class Announcer:
 
         if wanted(ODOMETRY):
             known = snapshot.certainty
-            covariances = spread(known.pose, (0, 1, 5)), spread(known.motion, (0, 5))
+            covariances = spread(known.pose, PLANE), spread(known.motion, WAY)
             odometry = Odometry(stamp_ns, MAP_FRAME, CAR_FRAME, ego.odom_from_base, ego.speed, ego.yaw_rate, *covariances)
             yield message(ODOMETRY, encode_odometry(odometry))
         if wanted(TRANSFORM):
@@ -138,11 +140,10 @@ class Announcer:
         if wanted(DETECTIONS):
             yield message(DETECTIONS, encode_points(Points(stamp_ns, CAR_FRAME, on_the_ground(snapshot.update.static_points))))
         if wanted(JUDGED):
-            judged = snapshot.update.judged
-            all_points = JudgedPoints(stamp_ns, CAR_FRAME, on_the_ground(judged.points), judged.radars, judged.verdicts)
-            yield message(JUDGED, encode_judged(all_points))
+            points, radars, verdicts = snapshot.update.judged.near()
+            yield message(JUDGED, encode_judged(JudgedPoints(stamp_ns, CAR_FRAME, on_the_ground(points), radars, verdicts)))
         seen = occupancy_percent(snapshot.log_odds)
-        key = key_window(snapshot.window)
+        key = snapshot.key
         cells = seen[key.within(snapshot.seen)]
         if self._key_of != (epoch, key) or not 0 <= stamp_ns - self._key_ns < KEY_PERIOD_NS:
             self.keyframe += 1

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Any
 
 from echogrid.errors import EchogridError
@@ -16,6 +17,7 @@ LITTLE_ENDIAN = b"\x00\x01\x00\x00"  # alignment counts from the byte behind it
 SECOND = 10**9  # ns
 _STAMP = struct.Struct("<iI")  # builtin_interfaces/Time: until 2038
 LENGTH = struct.Struct("<I")
+NAMES = 64  # that are remembered as bytes
 
 
 class StampError(EchogridError, ValueError):
@@ -28,7 +30,13 @@ def encode_header(stamp_ns: int, frame: str) -> bytes:
     if not -(2**31) <= seconds < 2**31:
         what = f"the clock says {stamp_ns / SECOND:.3f} s since 1970"
         raise StampError(f"{what}, which does not fit into the 32-bit seconds of ROS's stamps, those until January 2038: set the clock")
-    return padded(_STAMP.pack(seconds, nanoseconds) + encode_text(frame), 4)
+    return _STAMP.pack(seconds, nanoseconds) + encode_name(frame)
+
+
+@lru_cache(NAMES)
+def encode_name(name: str) -> bytes:
+    """A string that is said in message after message, such as a frame's name, padded to 4 for what follows."""
+    return padded(encode_text(name), 4)
 
 
 def encode_text(text: str) -> bytes:
@@ -58,7 +66,7 @@ def aligned(at: int, size: int) -> int:
 
 def padded(data: bytes, size: int) -> bytes:
     """The data with zeros up to the next multiple of `size`."""
-    return data.ljust(aligned(len(data), size), b"\0")
+    return data + bytes(-len(data) % size)
 
 
 def body_of(payload: bytes) -> memoryview:

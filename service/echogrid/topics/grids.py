@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,8 +16,7 @@ _ORIGIN = struct.Struct("<7dI")  # position, orientation (x, y, z, w), length of
 _PATCH = struct.Struct("<iiIII")  # x, y, width, height, length of data
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Grid:
+class Grid(msgspec.Struct, frozen=True, eq=False):
     """nav_msgs/OccupancyGrid, axis-parallel: cell [i, j] covers x from origin[0] + j * cell and y from origin[1] + i * cell on."""
 
     stamp_ns: int  # when it was measured
@@ -32,8 +31,7 @@ class Grid:
         return np.where(self.occupancy < 0, np.float32(np.nan), self.occupancy / np.float32(100))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class GridUpdate:
+class GridUpdate(msgspec.Struct, frozen=True, eq=False):
     """map_msgs/OccupancyGridUpdate: cells [i, j] take the places [y + i, x + j] of a grid."""
 
     stamp_ns: int

@@ -5,27 +5,30 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from echogrid.core.motion.se2 import SE2
-from echogrid.topics.cdr import LENGTH, LITTLE_ENDIAN, aligned, body_of, encode_header, encode_text, padded, read, read_header, read_text
+from echogrid.topics.cdr import LENGTH, LITTLE_ENDIAN, aligned, body_of, encode_header, encode_name, padded, read, read_header, read_text
 
 _MOTION = struct.Struct("<85d")  # position, orientation, covariance, linear and angular velocity, covariance
+_TWIST = struct.Struct("<6d")  # linear and angular velocity
 _PLACE = struct.Struct("<7d")  # translation, rotation (x, y, z, w)
 MOST_ODOMETRY = 4096  # bytes: names of frames are not longer
 LONGEST_OFF = 0.01  # of a quaternion's length: senders round
 Covariance = NDArray[np.float64]
 
 
+PLANE, WAY = np.ix_((0, 1, 5), (0, 1, 5)), np.ix_((0, 5), (0, 5))  # of ROS's axes: x, y and yaw; along and about which a car moves
+
+
 def _unknown() -> Covariance:
     return np.zeros((6, 6))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Odometry:
+class Odometry(msgspec.Struct, frozen=True, eq=False):
     """nav_msgs/Odometry of a car on a plane. Covariances are ROS's: x, y, z, roll, pitch, yaw; all zero if they are not estimated."""
 
     stamp_ns: int
@@ -34,12 +37,11 @@ class Odometry:
     pose: SE2  # of child_frame in frame
     speed: float  # m/s, along child_frame's x
     yaw_rate: float  # rad/s
-    pose_covariance: Covariance = field(default_factory=_unknown)  # (6, 6)
-    twist_covariance: Covariance = field(default_factory=_unknown)  # (6, 6)
+    pose_covariance: Covariance = msgspec.field(default_factory=_unknown)  # (6, 6)
+    twist_covariance: Covariance = msgspec.field(default_factory=_unknown)  # (6, 6)
 
 
-@dataclass(frozen=True, slots=True)
-class Transform:
+class Transform(msgspec.Struct, frozen=True):
     """geometry_msgs/TransformStamped on a plane: `pose` of child_frame in frame."""
 
     stamp_ns: int
@@ -48,25 +50,19 @@ class Transform:
     pose: SE2
 
 
-def spread(covariance: Covariance, axes: Sequence[int]) -> Covariance:
-    """(6, 6) of ROS from one of some of its axes: 0 x, 1 y, 5 yaw; a car on a plane is sure of the others, whose variances are 0."""
+def spread(covariance: Covariance, axes: tuple[NDArray[np.intp], ...]) -> Covariance:
+    """(6, 6) of ROS from one of some of its axes, as np.ix_ has them; a car on a plane is sure of the others, whose variances are 0."""
     whole = _unknown()
-    for axis, row in zip(axes, covariance, strict=True):
-        whole[axis].put(axes, row)
+    whole[axes] = covariance
     return whole
 
 
 def encode_odometry(odometry: Odometry) -> bytes:
     """The odometry as nav_msgs/msg/Odometry: z, roll, pitch and their rates are 0."""
-    head = encode_header(odometry.stamp_ns, odometry.frame) + encode_text(odometry.child_frame)
-    pose, half = odometry.pose, odometry.pose.yaw / 2
-    motion = _MOTION.pack(
-        *(pose.x, pose.y, 0.0, 0.0, 0.0, math.sin(half), math.cos(half)),
-        *odometry.pose_covariance.ravel(),
-        *(odometry.speed, 0.0, 0.0, 0.0, 0.0, odometry.yaw_rate),
-        *odometry.twist_covariance.ravel(),
-    )
-    return b"".join((LITTLE_ENDIAN, padded(head, 8), motion))
+    head = encode_header(odometry.stamp_ns, odometry.frame) + encode_name(odometry.child_frame)
+    twist = _TWIST.pack(odometry.speed, 0.0, 0.0, 0.0, 0.0, odometry.yaw_rate)
+    of_pose, of_twist = odometry.pose_covariance.astype("<f8", copy=False), odometry.twist_covariance.astype("<f8", copy=False)
+    return b"".join((LITTLE_ENDIAN, padded(head, 8), _place(odometry.pose), of_pose.tobytes(), twist, of_twist.tobytes()))
 
 
 def decode_odometry(payload: bytes) -> Odometry:
@@ -109,10 +105,15 @@ def encode_transforms(transforms: Sequence[Transform]) -> bytes:
     """The transforms as tf2_msgs/msg/TFMessage: z, roll and pitch are 0."""
     body = LENGTH.pack(len(transforms))
     for transform in transforms:
-        pose, half = transform.pose, transform.pose.yaw / 2
-        body = padded(body, 4) + encode_header(transform.stamp_ns, transform.frame) + encode_text(transform.child_frame)
-        body = padded(body, 8) + _PLACE.pack(pose.x, pose.y, 0.0, 0.0, 0.0, math.sin(half), math.cos(half))
+        body += encode_header(transform.stamp_ns, transform.frame) + encode_name(transform.child_frame)
+        body = padded(body, 8) + _place(transform.pose)
     return LITTLE_ENDIAN + body
+
+
+def _place(pose: SE2) -> bytes:
+    """As position or translation, and orientation or rotation."""
+    half = pose.yaw / 2
+    return _PLACE.pack(pose.x, pose.y, 0.0, 0.0, 0.0, math.sin(half), math.cos(half))
 
 
 def _pose_of(x: float, y: float, roll: float, pitch: float, z: float, w: float) -> SE2:

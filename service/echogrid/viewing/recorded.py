@@ -99,9 +99,9 @@ class DriveFeed:
 
     def _shown(self, snapshot: Snapshot) -> Frames:
         update, scene, cell = snapshot.update, self._scene, self._config.grid.cell
-        ego, judged, seen = update.ego, update.judged, snapshot.seen
+        ego, seen = update.ego, snapshot.seen
         frames = scene.pose(ego.stamp_ns, ego.odom_from_base, ego.speed, ego.yaw_rate)
-        frames += scene.detections(ego.stamp_ns, judged.points, judged.radars, judged.verdicts)
+        frames += scene.detections(ego.stamp_ns, *update.judged.near())
         grid = Grid(ego.stamp_ns, MAP_FRAME, cell, (seen.column * cell, seen.row * cell), occupancy_percent(snapshot.log_odds))
         frames += scene.window(grid, snapshot.epoch)
         second = ego.stamp_ns // SECOND

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
+import msgspec
 import numpy as np
 import zstandard
 
@@ -36,7 +35,7 @@ class Fleet:
 def quantised(grid: Grid) -> Grid:
     """The same with every known cell rounded to 0, 25, 50, 75 or 100 percent."""
     known = (grid.occupancy + np.int8(STEP // 2)) // np.int8(STEP) * np.int8(STEP)
-    return replace(grid, occupancy=np.where(grid.occupancy < 0, np.int8(-1), known))
+    return msgspec.structs.replace(grid, occupancy=np.where(grid.occupancy < 0, np.int8(-1), known))
 
 
 def compress(payload: bytes) -> bytes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from echogrid.topics.grids import Grid, GridUpdate
@@ -22,8 +21,7 @@ class KeyName(NamedTuple):
     number: int  # counts on over all maps of a source
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Window(Grid):
+class Window(Grid, frozen=True, eq=False):
     """A grid with the name of its map."""
 
     map: MapName
