@@ -35,7 +35,7 @@ class Clock:
         self.sent_at = 0.0
         self.delays: list[float] = []
 
-    def wants(self, topic: Topic) -> bool:
+    def wants(self, *topics: Topic) -> bool:
         """Nothing for itself."""
         return False
 

@@ -24,7 +24,7 @@ def test_a_process_that_was_stopped_for_an_hour_does_not_make_up_for_it(monkeypa
         if now[0] >= 3604.0:
             stop.set()
 
-    announcer = SimpleNamespace(status=lambda status, stamp_ns: (), meta=lambda stamp_ns: None, about=dict)
+    announcer = SimpleNamespace(status=lambda status, stamp_ns, wanted: (), meta=lambda stamp_ns: None, about=dict)
     manager = SimpleNamespace(tell=lambda status: told.append(now[0]), map_published=lambda: None)
     monkeypatch.setattr(publishing, "time", SimpleNamespace(monotonic=lambda: now[0], time_ns=time.time_ns))
     service = Publishing(announcer, SimpleNamespace(get=get), dict[str, Any])  # type: ignore[arg-type]

@@ -177,7 +177,7 @@ class Everything:
     def __init__(self) -> None:
         self.messages: list[Message] = []
 
-    def wants(self, topic: Topic) -> bool:
+    def wants(self, *topics: Topic) -> bool:
         return True
 
     def put(self, message: Message) -> None:

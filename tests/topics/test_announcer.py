@@ -176,12 +176,14 @@ def test_what_nobody_wants_is_not_made_and_what_is_kept_is(pipeline: Pipeline) -
         wanted.add((UPDATE, ODOMETRY, JUDGED, DETECTIONS)[n])
     assert told == [{KEY, TRINARY, FULL}, {UPDATE, FULL}, {UPDATE, FULL, ODOMETRY}, {UPDATE, FULL, ODOMETRY, JUDGED}]
     assert {topic for topic in TOPICS if topic not in MAPPED} == {STATUS, DIAGNOSTICS, META}
+    status = {"epoch": 0}
+    assert [message.topic for message in announcer.status(status, 1, wanted.__contains__)] == [STATUS]
 
 
 class Full:
     """A sink that takes two messages and then has no room."""
 
-    def wants(self, topic: Topic) -> bool:
+    def wants(self, *topics: Topic) -> bool:
         return True
 
     def __init__(self) -> None:
@@ -196,7 +198,7 @@ class Full:
 class Endless(list[Message]):
     put = list.append
 
-    def wants(self, topic: Topic) -> bool:
+    def wants(self, *topics: Topic) -> bool:
         return True
 
 

@@ -36,7 +36,7 @@ class Publishing:
         """Until `stop` is set. `measure` is given each status as well."""
 
         def tell(status: dict[str, Any]) -> None:
-            self.send(self._announcer.status(status, time.time_ns()))
+            self.send(self._announcer.status(status, time.time_ns(), self.wanted))
             measure(status)
 
         status_due = meta_due = time.monotonic()
@@ -55,13 +55,13 @@ class Publishing:
                 status_due = _next(status_due, STATUS_PERIOD)
         tell({**self._status(), "state": "stopped", "reasons": ()})
 
-    def wanted(self, topic: Topic) -> bool:
-        """Whether any sink takes a topic now."""
-        return any(sink.wants(topic) for sink in tuple(self.sinks))
+    def wanted(self, *topics: Topic) -> bool:
+        """Whether any sink takes any of the topics now."""
+        return any(sink.wants(*topics) for sink in tuple(self.sinks))
 
     def listened(self) -> bool:
         """Whether any takes what the map becomes."""
-        return any(self.wanted(topic) for topic in MAPPED)
+        return self.wanted(*MAPPED)
 
     def send(self, messages: Iterable[Message]) -> None:
         """To all sinks, in this order."""

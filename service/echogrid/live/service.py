@@ -7,12 +7,12 @@ import os
 import threading
 import time
 from contextlib import ExitStack
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import msgspec
+from msgspec import to_builtins
 
 from echogrid.config.loading import remarks
 from echogrid.config.tables import Config
@@ -39,6 +39,7 @@ from echogrid.zenoh.publisher import Publisher
 from echogrid.zenoh.region import Regions
 
 log = logging.getLogger("echogrid")
+STATM, PAGE = Path("/proc/self/statm"), os.sysconf("SC_PAGE_SIZE")  # of Linux: pages of this process, and bytes of one
 RELOADABLE = ("rate_hz", "window_cells")  # keys of [publish] that a running service takes over
 
 
@@ -102,16 +103,16 @@ class Service:
             "epoch": self.pipeline.mapper.epoch,
             "model": self.pipeline.model.why,
             "kernels": kernels.WHY,
-            "buses": {bus.bus.name: asdict(bus.refresh()) for bus in self.receiving.buses},
+            "buses": {bus.bus.name: to_builtins(bus.refresh()) for bus in self.receiving.buses},
             "rates": self._rates.per_second(maps=health.cycles, frames=health.frames),
             "latency_ms": self.mapping.latency_ms(),
             "dropped_frames": self.receiving.queue.dropped,
             "dropped_motion": self.receiving.queue.dropped_motion,
-            "store": None if self.keeper is None else asdict(self.keeper.status),
+            "store": None if self.keeper is None else to_builtins(self.keeper.status),
             "learned": self.pipeline.mapper.odometry.errors.learned(),
-            "recording": None if self.recorder is None else asdict(self.recorder.recording),
+            "recording": None if self.recorder is None else to_builtins(self.recorder.recording),
             "rss_mib": resident_mib(),
-            **asdict(health),
+            **to_builtins(health),
             "pose": self.mapping.pose(),
         }
 
@@ -203,5 +204,4 @@ def store_path(config: Config) -> Path | None:
 
 def resident_mib() -> float:
     """Memory of this process that is in RAM."""
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / (1 << 20)
+    return int(STATM.read_bytes().split()[1]) * PAGE / (1 << 20)

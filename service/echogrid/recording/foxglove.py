@@ -43,7 +43,7 @@ class Foxglove:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._server.stop()
 
-    def wants(self, topic: Topic) -> bool:
+    def wants(self, *topics: Topic) -> bool:
         """All."""
         return True
 

@@ -48,7 +48,7 @@ class McapRecorder:
         self._bytes = 0
         self._flush_at = time.monotonic()  # the file's head at once: who is killed soon leaves an empty recording, and no file that is none
 
-    def wants(self, topic: Topic) -> bool:
+    def wants(self, *topics: Topic) -> bool:
         """All."""
         return True
 

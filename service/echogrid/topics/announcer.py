@@ -157,10 +157,12 @@ class Announcer:
             yield message(UPDATE, encode_update(update), self.keyframe)
         yield message(FULL, self._grid(stamp_ns, snapshot.window, seen[snapshot.window.within(snapshot.seen)]))
 
-    def status(self, status: Mapping[str, Any], stamp_ns: int) -> Iterator[Message]:
-        """The service's status, taken at `stamp_ns`, for programs and for ROS."""
-        yield Message(STATUS, msgspec.json.encode(status), stamp_ns, status["epoch"], 0)
-        yield Message(DIAGNOSTICS, encode_diagnostics(diagnostics(status, self.config.vehicle, stamp_ns)), stamp_ns, status["epoch"], 0)
+    def status(self, status: Mapping[str, Any], stamp_ns: int, wanted: Wanted = everything) -> Iterator[Message]:
+        """The service's status, taken at `stamp_ns`, for programs, and for ROS where that is wanted."""
+        epoch = status["epoch"]
+        yield Message(STATUS, msgspec.json.encode(status), stamp_ns, epoch, 0)
+        if wanted(DIAGNOSTICS):
+            yield Message(DIAGNOSTICS, encode_diagnostics(diagnostics(status, self.config.vehicle, stamp_ns)), stamp_ns, epoch, 0)
 
     def about(self) -> dict[str, Any]:
         """What does not change while the service runs."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import msgspec
@@ -10,8 +9,7 @@ import msgspec
 NAMESPACE = "/echogrid"  # of the ROS topics, unless [ros] says another
 
 
-@dataclass(frozen=True, slots=True)
-class Topic:
+class Topic(msgspec.Struct, frozen=True):
     """A stream of messages of one type."""
 
     name: str  # behind echogrid/v1/{vehicle}/
@@ -59,8 +57,8 @@ class Message(msgspec.Struct, frozen=True, eq=False):
 class Sink(Protocol):
     """Where messages go. One thread puts; any may ask."""
 
-    def wants(self, topic: Topic) -> bool:
-        """Whether somebody takes the topic's messages now."""
+    def wants(self, *topics: Topic) -> bool:
+        """Whether somebody takes any of the topics' messages now."""
 
     def put(self, message: Message) -> None:
         """Takes a message without waiting for its readers. Raises EchogridError if it can take no more of them."""

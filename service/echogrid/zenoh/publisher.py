@@ -22,9 +22,9 @@ from echogrid.zenoh.attachment import GID_SIZE
 from echogrid.zenoh.credentials import Credentials, checked
 from echogrid.zenoh.fleet import Fleet
 from echogrid.zenoh.namesakes import SAID, Namesakes
-from echogrid.zenoh.ros import RosNode, topic_keys, viewed
+from echogrid.zenoh.ros import RosNode, every_topic, topic_keys, viewed
 from echogrid.zenoh.routers import Routers
-from echogrid.zenoh.stream import Stream
+from echogrid.zenoh.stream import Stream, is_heard
 
 log = logging.getLogger("echogrid")
 
@@ -69,11 +69,14 @@ class Publisher:
                 raise EchogridError(_refused(settings, error)) from error
             raise
         self.gid = hashlib.blake2b(str(self.session.zid()).encode(), digest_size=GID_SIZE).digest()
-        self._streams = {
+        native = {
             topic: Stream(self.session, key(vehicle, topic.name), topic, self.gid, versioned=topic.rank > 0) for topic in (*TOPICS, FLEET)
         }
         self._ros = RosNode(self.session, ros)
-        self._fleet = Fleet(settings.fleet_hz)
+        self._streams = {topic: [names[topic] for names in (native, self._ros.streams) if topic in names] for topic in TOPICS}
+        self._fleet, self._to_fleet = Fleet(settings.fleet_hz), native[FLEET]
+        # They send nothing: two looks say that nobody listens to any topic, where each by itself would be seventeen.
+        self._all = [self.session.declare_publisher(keys) for keys in (key(vehicle, "**"), *every_topic(ros))]
         self._alive = self.session.liveliness().declare_token(key(vehicle, ALIVE))
         self._routers = Routers(self.session, settings.connect)
         self._namesakes = Namesakes(self.session, key(vehicle, "")[:-1], self.gid, asks=runs is not None)
@@ -88,9 +91,11 @@ class Publisher:
         """Ends the session; subscribers see the liveliness tokens go. A second time does nothing."""
         self._open.close()
 
-    def wants(self, topic: Topic) -> bool:
+    def wants(self, *topics: Topic) -> bool:
         """As of `topics.topic.Sink`."""
-        return self._streams[topic].heard() or self._ros.wants(topic) or (topic is FULL and self._streams[FLEET].heard())
+        if not any(map(is_heard, self._all)):
+            return False
+        return any(stream.heard() for topic in topics for stream in self._streams[topic]) or (FULL in topics and self._to_fleet.heard())
 
     def reasons(self) -> tuple[str, ...]:
         """What is wrong outside: another service that publishes as our vehicle, an endpoint that is not connected. For one thread."""
@@ -98,10 +103,10 @@ class Publisher:
 
     def put(self, message: Message) -> None:
         """To all subscribers."""
-        self._streams[message.topic].put(message)
-        self._ros.put(message)
-        if message.topic is FULL and self._fleet.due(message.stamp_ns) and self._streams[FLEET].heard():
-            self._streams[FLEET].put(self._fleet.message(message))
+        for stream in self._streams[message.topic]:
+            stream.put(message)
+        if message.topic is FULL and self._fleet.due(message.stamp_ns) and self._to_fleet.heard():
+            self._to_fleet.put(self._fleet.message(message))
 
 
 def check_pose_key(pose: config.Pose | None, vehicle: str, ros: config.Ros) -> None:

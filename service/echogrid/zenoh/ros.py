@@ -11,7 +11,7 @@ import xxhash
 import zenoh
 
 from echogrid.config.tables import Ros
-from echogrid.topics.topic import TOPICS, Message, Topic
+from echogrid.topics.topic import TOPICS, Topic
 from echogrid.zenoh.stream import Stream
 
 NODE = "echogrid"
@@ -44,16 +44,6 @@ class RosNode:
             self.streams[topic] = Stream(session, key, topic, gid(token), versioned=False)
             self.tokens.append(liveliness.declare_token(token))
 
-    def wants(self, topic: Topic) -> bool:
-        """Whether a node takes it."""
-        stream = self.streams.get(topic)
-        return stream is not None and stream.heard()
-
-    def put(self, message: Message) -> None:
-        stream = self.streams.get(message.topic)
-        if stream is not None:
-            stream.put(message)
-
 
 def topic_keys(settings: Ros) -> Iterator[tuple[Topic, str]]:
     """The topics that ROS knows, each with its key."""
@@ -65,9 +55,12 @@ def topic_keys(settings: Ros) -> Iterator[tuple[Topic, str]]:
 
 def viewed(settings: Ros) -> list[str]:
     """All keys under which ROS nodes look for us."""
-    if settings.distro == "off":
-        return []
-    return [f"{settings.domain}/**", f"{settings.domain}/**/@adv/**", f"@ros2_lv/{settings.domain}/**"]
+    return [name for keys in every_topic(settings) for name in (keys, f"{keys}/@adv/**", f"@ros2_lv/{keys}")]
+
+
+def every_topic(settings: Ros) -> list[str]:
+    """The keys of all topics of its domain, those of other nodes too."""
+    return [] if settings.distro == "off" else [f"{settings.domain}/**"]
 
 
 def node_token(settings: Ros, zid: str) -> str:

@@ -53,8 +53,13 @@ class Stream:
 
     def heard(self) -> bool:
         """Whether there are subscribers."""
-        status: Any = self._asked.matching_status  # which zenoh's types call a bool
-        return bool(status.matching)
+        return is_heard(self._asked)
+
+
+def is_heard(publisher: zenoh.Publisher) -> bool:
+    """Whether there are subscribers."""
+    status: Any = publisher.matching_status  # which zenoh's types call a bool
+    return bool(status.matching)
 
 
 def encoding(topic: Topic) -> zenoh.Encoding:
