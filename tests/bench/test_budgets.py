@@ -52,7 +52,6 @@ SHARES: dict[str, float] = {
     "add_clamped": 0.176,
     "add_looks": 0.087,
     "add_measured": 0.087,
-    "agreeing": 0.16,
     "assemble": 0.007,
     "beside": 0.145,
     "bilinear": 0.164,
@@ -73,9 +72,11 @@ SHARES: dict[str, float] = {
     "note_views": 0.166,
     "odds": 0.135,
     "percent": 0.165,
+    "placed": 0.15,
     "polar": 0.159,
     "possible": 0.296,
     "read_out": 0.096,
+    "sensors": 0.1,
 }
 
 COMPARED = pytest.mark.skipif(

@@ -13,7 +13,7 @@ from echogrid.core.evidence.beams import Beams
 from echogrid.core.evidence.history import Detections, History, Looks, Surroundings
 from echogrid.core.evidence.raster import GridSpec, Image
 from echogrid.core.health import Health
-from echogrid.core.kernels.sweeps import GateVerdict
+from echogrid.core.kernels.sweeps import GateVerdict, Scan
 from echogrid.core.map.tiled_map import Shelf, TiledMap, View
 from echogrid.core.messages import EgoMotion, Floats, PoseFix, RadarScan
 from echogrid.core.motion.error_filter import Certainty, ErrorFilter
@@ -108,8 +108,8 @@ class Mapper:
         self.newest_ns: dict[str, int] = {}  # stamp of each sensor's newest scan
         self.gathering = Gathering(cycle_ns, max_age_ns)
         self.epoch = 0  # maps begun before this one
-        self._in_view = in_view(mounts, occupancy.spec)
-        self._in_view_of: dict[tuple[str, ...], NDArray[np.uint16]] = {}  # of those that came with one cycle
+        self._in_view = list(in_view(mounts, occupancy.spec).values())
+        self._in_view_of: dict[frozenset[int], NDArray[np.uint16]] = {}  # of those that came with one cycle
         self._numbers = {name: number for number, name in enumerate(mounts)}
 
     def keep(self, shelf: Shelf, epoch: int) -> None:
@@ -204,25 +204,24 @@ class Mapper:
         if sweep is None:
             return None
         self._untaught, ego = sweep, sweep.newest
-        looks = self._looks(sweep.placed, ego)
-        points = sweep.points(looks.place.tolist())  # moving ones too, in base
+        points, in_odom, origins, sensors = sweep.placed_at(ego.odom_from_base)  # moving ones too
         verdicts, (near, reached) = gated(points, sweep.sigmas, sweep.near, sweep.range, self.map.reach, self.noise)
-        seen_from = looks.moved(ego.odom_from_base)
-        found = _detections(sweep, ego.odom_from_base.apply(points), seen_from)
+        found = Detections(in_odom, origins, sweep.rcs, sweep.sigmas)
+        numbers = [self._numbers[one.scan.sensor] for one in sweep.placed]
         self.health.cycles += 1
-        self.health.static_detections += len(near)
-        view = self._view(sweep.placed, ego.stamp_ns)
+        self.health.static_detections += near.size
+        view = self._view(numbers, ego.stamp_ns)
         takes = self.map.takes(ego.odom_from_base)
         if self.map.reach:
-            self.map.measure(self._beams(sweep, found, reached), ego.odom_from_base, view)
+            self.map.measure(_beams(found, reached, sweep, numbers), ego.odom_from_base, view)
         if takes:
-            self.history.add(found.taken(near), seen_from, self.odometry.distance)
+            looks = Looks(sensors, sweep.scans[:, Scan.HALF_FOV], sweep.scans[:, Scan.RANGE])
+            self.history.add(found.taken(near), looks, self.odometry.distance)
             said = self.infer(self.history.surroundings(ego.odom_from_base, self._live(ego.stamp_ns)))
             self.map.integrate(said, ego.odom_from_base, view)
         self.health.tiles_forgotten = self.map.forgotten
         self.watch.mapped_ns = max([one.scan.received_ns for one in sweep.placed])
         map_from_odom = None if self.frame is None else self.frame.map_from_odom
-        numbers = [self._numbers[one.scan.sensor] for one in sweep.placed]
         return MapUpdate(ego, points.take(near, axis=0), Judged(points, sweep.scan, numbers, verdicts), map_from_odom)
 
     def learn(self) -> None:
@@ -280,32 +279,24 @@ class Mapper:
             self.health.sensors[one.scan.sensor].distrusted += not is_trusted
         return sweep.only(trusted, self.noise) if any(trusted) else None
 
-    def _beams(self, sweep: Sweep, found: Detections, static: NDArray[np.int64]) -> Beams:
-        """The static detections, in odom, as far as the map reaches, which may be farther than a network is shown."""
-        bits = np.array([1 << self._numbers[one.scan.sensor] for one in sweep.placed], np.uint16)
-        return Beams(found.points.take(static, axis=0), found.origins.take(static, axis=0), bits.take(sweep.scan.take(static)))
-
-    def _looks(self, placed: Sequence[PlacedScan], now: EgoState) -> Looks:
-        """From where the scans were measured, in base at `now`."""
-        base_from_odom = now.odom_from_base.inverse()
-        return Looks.of([one.mount for one in placed], [base_from_odom @ one.ego.odom_from_base for one in placed])
-
-    def _view(self, placed: Sequence[PlacedScan], stamp_ns: int) -> View:
-        """Which radars had which cells in view, as if from where the car is now: within a cycle it goes a few cells at most."""
-        seen_by = tuple(sorted({one.scan.sensor for one in placed}))
+    def _view(self, numbers: Sequence[int], stamp_ns: int) -> View:
+        """Which of the radars with these numbers had which cells in view, as if from where the car is now: within a cycle it goes a few
+        cells at most."""
+        seen_by = frozenset(numbers)
         if seen_by not in self._in_view_of:
-            self._in_view_of[seen_by] = np.bitwise_or.reduce([self._in_view[name] for name in seen_by])
+            self._in_view_of[seen_by] = np.bitwise_or.reduce([self._in_view[number] for number in seen_by])
         return View(stamp_ns, self._in_view_of[seen_by])
 
     def _live(self, now_ns: int) -> list[str]:
         """Trusted radars with a scan that is not older than `max_age_ns`."""
-        live = [name for name, stamp_ns in self.newest_ns.items() if now_ns - stamp_ns <= self.max_age_ns]
-        return [name for name in live if not self.watch.radars[name].doubts]
+        oldest_ns, radars = now_ns - self.max_age_ns, self.watch.radars
+        return [name for name, stamp_ns in self.newest_ns.items() if stamp_ns >= oldest_ns and not radars[name].doubts]
 
 
-def _detections(sweep: Sweep, points: Floats, looks: Looks) -> Detections:
-    """All of the sweep at points (N, 2) in the frame of the looks: each from where its radar was when it was measured."""
-    return Detections(points, looks.place[:, :2].take(sweep.scan, axis=0), sweep.rcs, sweep.sigmas)
+def _beams(found: Detections, static: NDArray[np.int64], sweep: Sweep, numbers: Sequence[int]) -> Beams:
+    """The static detections, as far as the map reaches, which may be farther than a network is shown. `numbers` (S,) of the radars."""
+    bits = np.array([1 << number for number in numbers], np.uint16)
+    return Beams(found.points.take(static, axis=0), found.origins.take(static, axis=0), bits.take(sweep.scan.take(static)))
 
 
 def in_view(mounts: Mapping[str, Mount], spec: GridSpec) -> dict[str, NDArray[np.uint16]]:

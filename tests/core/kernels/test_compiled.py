@@ -21,6 +21,7 @@ from echogrid.core.kernels import dispatch, reference
 from echogrid.core.kernels.answers import exponential
 from echogrid.core.kernels.cells import SIDE
 from echogrid.core.kernels.reading import logarithm
+from echogrid.core.kernels.sweeps import Scan
 from echogrid.core.map.tile import tiles_under
 
 compiled: Any = pytest.importorskip("echogrid.core.kernels.compiled", reason="no C compiler was at hand when echogrid was installed")
@@ -62,11 +63,25 @@ def polar(random: Random, size: int) -> list[Any]:
     return [random.uniform(0, 80, size), np.cos(azimuth), np.sin(azimuth), of_each, places, np.empty((size, 2))]
 
 
+def scans(random: Random, count: int) -> np.ndarray:
+    """Rows as of Scan, with a zero now and then."""
+    return random.uniform(-9, 20, (count, len(Scan))) * (random.random((count, len(Scan))) < 0.8)
+
+
+def placed(random: Random, size: int) -> list[Any]:
+    *found, of_each, places, _ = polar(random, size)
+    return [*found, of_each, places, random.uniform(-99, 99, (len(of_each), 3)), *random.uniform(-9, 9, 3), np.empty((size, 6))]
+
+
+def sensors(random: Random, size: int) -> list[Any]:
+    count = size % 7
+    return [scans(random, count), *(random.uniform(-99, 99, 3) * random.integers(0, 2, 3)), np.empty((count, 4)), np.empty((count, 3))]
+
+
 def deviations(random: Random, size: int) -> list[Any]:
     bearing, of_each = random.uniform(-4, 4, size), sizes(random, size)
-    scans = random.uniform(0, 20, (len(of_each), 4)) * (random.random((len(of_each), 4)) < 0.8)
-    rate = random.normal(0, 20, size)
-    return [np.cos(bearing), np.sin(bearing), rate, of_each, scans, 0.13, 0.03, 0.01, np.empty(size)]
+    rate, near, written = random.normal(0, 20, size), random.random(size) < 0.8, (np.empty(size), np.ones((2, len(of_each)), np.int64))
+    return [np.cos(bearing), np.sin(bearing), rate, near, of_each, scans(random, len(of_each)), 0.13, 0.03, 0.01, 30.0, *written]
 
 
 def draw_now(random: Random, size: int) -> list[Any]:
@@ -233,15 +248,10 @@ def beside(random: Random, size: int) -> list[Any]:
 
 def gathered(random: Random, size: int) -> list[Any]:
     of_each = np.asarray(sizes(random, size)).tolist()
-    columns = [[random.normal(0, 9, count) for count in of_each] for _ in range(4)]
-    mounts = random.uniform(-3, 9, (len(of_each), 2))
-    mounts[:, 1] = [one[0] if len(one) and random.random() < 0.5 else reach for one, reach in zip(columns[0], mounts[:, 1], strict=True)]
-    return [*columns, mounts, np.ones((5, size)), np.ones(size, np.int64), np.ones(size, np.bool_)]
-
-
-def agreeing(random: Random, size: int) -> list[Any]:
-    of_each, sigmas = sizes(random, size), np.abs(random.normal(0, 3, size)).round()
-    return [of_each, random.random(size) < 0.8, sigmas, 3.0, np.ones((2, len(of_each)), np.int64)]
+    arrays, rows = [random.normal(0, 9, count) for count in of_each for _ in range(4)], scans(random, len(of_each))
+    for one, row in zip(arrays[::4], rows, strict=True):
+        row[Scan.RANGE] = one[0] if len(one) and random.random() < 0.5 else row[Scan.RANGE]
+    return [arrays, rows, np.ones((5, size)), np.ones(size, np.int64), np.ones(size, np.bool_)]
 
 
 def gated(random: Random, size: int) -> list[Any]:
@@ -249,7 +259,7 @@ def gated(random: Random, size: int) -> list[Any]:
     near, range_ = random.random(size) < 0.7, random.uniform(0, 3, size)
     range_ = range_ if random.random() < 0.7 else np.where(near, 1.0, 3.0)
     sigmas = np.where(random.random(size) < 0.05, np.nan, np.abs(random.normal(0, 3, size)).round())
-    written = [np.ones(size, np.uint8), np.zeros((2, size), np.int64), np.ones(2, np.int64)]
+    written = [np.ones(size, np.uint8), np.zeros((2, size + 1), np.int64)]
     return [points(random, size, 5, 1.0), sigmas, near, range_, 2.0, 3.0, 2.0, *written]
 
 
@@ -277,12 +287,13 @@ def nearby(random: Random, size: int) -> list[Any]:
 def common_motion(random: Random, size: int) -> list[Any]:
     """Most rates fit one motion; now and then all are in one direction, where no guess can be made."""
     sizes, bearing = np.array((size // 3, size - size // 3)), random.uniform(-3, 3, size) * random.choice([0.0, 1.0])
-    places = np.array(((3.6, 0.8, random.choice([0.0, 16.0])), (-0.8, -0.8, 0.0)))
-    x, y, interval = np.repeat(places, sizes, axis=0).T
+    rows = scans(random, 2)
+    rows[:, (Scan.X, Scan.Y, Scan.AMBIGUITY)] = (3.6, 0.8, random.choice([0.0, 16.0])), (-0.8, -0.8, 0.0)
+    x, y, interval = np.repeat(rows[:, (Scan.X, Scan.Y, Scan.AMBIGUITY)], sizes, axis=0).T
     rate = (y * np.cos(bearing) - x * np.sin(bearing)) * 0.2 - np.cos(bearing) * 7 + random.normal(0, 3, size) * (random.random(size) < 0.4)
     rate += interval * random.integers(-1, 2, size)
     near = random.random(size) < random.choice([0.0, 0.7, 1.0])
-    return [np.cos(bearing), np.sin(bearing), rate, near, sizes, places, random.random((2, 12)), 0.3, 0.4, np.ones(7)]
+    return [np.cos(bearing), np.sin(bearing), rate, near, sizes, rows, random.random((2, 12)), 0.3, 0.4, np.ones(7)]
 
 
 def signals(random: Random, size: int) -> list[Any]:
@@ -319,6 +330,8 @@ CASES: dict[str, Callable[[Random, int], list[Any]]] = {
         *(
             moved,
             polar,
+            placed,
+            sensors,
             deviations,
             draw_now,
             draw_past,
@@ -332,7 +345,7 @@ CASES: dict[str, Callable[[Random, int], list[Any]]] = {
             look,
         ),
         *(add_measured, usual, fold, odds, beside, common_motion, signals, quantities, read_out, percent, differing),
-        *(gathered, agreeing, gated, possible, nearby, leanings),
+        *(gathered, gated, possible, nearby, leanings),
     )
 }
 
@@ -423,7 +436,7 @@ def test_every_loop_is_compared() -> None:
         ("moved", 0, np.zeros((5, 4))[:, ::2]),
         ("moved", 5, np.zeros((4, 2))),
         ("polar", 3, np.array([3, 3])),
-        ("deviations", 3, np.array([6, -1])),
+        ("deviations", 4, np.array([6, -1])),
         ("draw_now", 6, np.zeros((3, 16, 8), np.uint8)),
         ("add_measured", 1, np.full(5, SIDE * SIDE, np.int32)),
         ("add_measured", 1, np.full(5, -1, np.int32)),

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
 
 from echogrid.core.messages import RadarScan
 from echogrid.core.motion.odometry import EgoState
@@ -36,7 +38,7 @@ def test_a_sweep_has_of_each_scan_what_it_has_alone() -> None:
     sweep = Sweep.of(placed, NOISE)
     assert sweep.newest.stamp_ns == 2
     sensors = [one.ego.odom_from_base @ one.mount.base_from_sensor for one in placed]
-    points = sweep.points((sensor.x, sensor.y, sensor.yaw) for sensor in sensors)
+    points = sweep.points(np.array([(sensor.x, sensor.y, math.cos(sensor.yaw), math.sin(sensor.yaw)) for sensor in sensors]))
     for one, sensor, some in zip(placed, sensors, (slice(7), slice(7, 7), slice(7, None)), strict=True):
         scan, ego = one.scan, one.ego
         polar = np.stack((scan.range * np.cos(scan.azimuth), scan.range * np.sin(scan.azimuth)), axis=1)
@@ -45,9 +47,24 @@ def test_a_sweep_has_of_each_scan_what_it_has_alone() -> None:
         np.testing.assert_array_equal(sweep.sigmas[some], alone)
         np.testing.assert_array_equal(sweep.near[some], scan.range <= 20.0)
         assert (sweep.rcs[some] == scan.rcs).all()
-        assert (sweep.stands(3.0)[some] == ((alone <= 3.0) & (scan.range <= 20.0))).all()
+        assert (sweep.stands(NOISE.sigmas)[some] == ((alone <= NOISE.sigmas) & (scan.range <= 20.0))).all()
     assert sweep.scan.tolist() == [0] * 7 + [2] * 12
-    assert sweep.agreeing(3.0)[0] == [np.count_nonzero(one.scan.range <= 20.0) for one in placed]
+    asked, standing = sweep.agreeing
+    assert asked == [np.count_nonzero(one.scan.range <= 20.0) for one in placed]
+    assert standing == [np.count_nonzero(sweep.stands(NOISE.sigmas)[sweep.scan == n]) for n in range(3)]
+
+
+@given(st.builds(SE2, st.floats(-50, 50), st.floats(-50, 50), st.floats(-7, 7)))
+def test_its_sensors_are_where_the_car_and_they_on_it_were(odom_from_base: SE2) -> None:
+    placed = scans()
+    sweep = Sweep.of(placed, NOISE)
+    in_base, in_odom = sweep.sensors(odom_from_base)
+    for one, base, odom in zip(placed, in_base.tolist(), in_odom, strict=True):
+        sensor = odom_from_base.inverse() @ one.ego.odom_from_base @ one.mount.base_from_sensor
+        assert base == [sensor.x, sensor.y, math.cos(sensor.yaw), math.sin(sensor.yaw)]
+        np.testing.assert_array_equal(odom[:2], odom_from_base.apply(np.array([(sensor.x, sensor.y)]))[0])
+        assert odom[2] == sensor.yaw + odom_from_base.yaw
+        np.testing.assert_allclose(odom, one.ego.odom_from_base @ one.mount.base_from_sensor, atol=1e-9)
 
 
 def test_of_some_of_its_scans() -> None:

@@ -16,7 +16,7 @@ from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
 from echogrid.core.radar.static_gate import GateNoise
 from echogrid.core.radar.sweep import Sweep
-from echogrid.core.trust.radar_watch import AGREEING, EVIDENCE, RadarWatch
+from echogrid.core.trust.radar_watch import EVIDENCE, RadarWatch
 from echogrid.core.trust.watch import Watch
 
 AHEAD = Mount(IDENTITY, math.radians(60.0), 50.0)
@@ -40,12 +40,11 @@ def test_a_tenth_of_wild_values_is_reached_with_the_second_wild_scan() -> None:
 
 def test_how_far_it_agrees_is_forgotten_within_seconds() -> None:
     watch = RadarWatch(AHEAD, SensorHealth())
+    half = math.exp(-0.5)
     watch.agree(90, 100, 0.0)
-    watch.agree(0, 0, 0.5 * AGREEING)
-    assert watch.agreement == pytest.approx(0.9)
-    watch.agree(0, 0, 0.5 * AGREEING)
-    assert 100.0 * math.exp(-1.0) < EVIDENCE
-    assert watch.agreement is None
+    assert watch.agree(0, 0, half) == pytest.approx(0.9)
+    assert 100.0 * half * half < EVIDENCE < 100.0 * half
+    assert watch.agree(0, 0, half) is None
 
 
 @pytest.mark.parametrize(("doubted", "support"), [((), 0.5), (("rear",), 1.0), (("front",), 0.0), (("front", "rear"), 0.5)])

@@ -126,6 +126,6 @@ NAMES = frozenset(
         *("moved", "polar", "deviations", "draw_now", "draw_past", "draw_passes", "draw_looks"),
         *("bilinear", "add_clamped", "note_views", "add_looks", "elfes", "look", "add_measured", "usual"),
         *("assemble", "fold", "odds", "beside", "common_motion", "read_out", "percent", "differing"),
-        *("gathered", "agreeing", "gated", "possible", "leanings"),
+        *("gathered", "sensors", "placed", "gated", "possible", "leanings"),
     )
 )

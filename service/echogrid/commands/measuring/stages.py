@@ -27,8 +27,6 @@ MAPPER = {
     "end_cycle": "places of detections, movers and the rest",
     "_place": "where the car was at each scan",
     "_trusted": "gate by range rate; which radars and motion are trusted",
-    "_beams": "measured, into the tiles",
-    "_looks": "history",
 }
 
 

@@ -1,8 +1,8 @@
 /* The hot loops of echogrid, compiled: each does what the function of its name in reference.py does, bit for bit.
  *
  * What they are for, shapes and units stand there. Arrays come by the buffer protocol and are checked for type, dimensions and rows without
- * gaps; results are written into arrays of the caller's. No loop calls sin, exp or their like, whose last bits differ between libraries, and
- * no product is fused with a sum (-ffp-contract=off). The limited API: one file serves every Python from 3.11 on.
+ * gaps; results are written into arrays of the caller's. No loop calls exp or its like, whose last bits differ between libraries: but for
+ * sin and cos of a few poses, which are those that Python's math calls. No product is fused with a sum (-ffp-contract=off). The limited API: one file serves every Python from 3.11 on.
  */
 #define Py_LIMITED_API 0x030b0000
 #define PY_SSIZE_T_CLEAN
@@ -203,46 +203,6 @@ static int sizes_fit(const Given *given, int sizes, Py_ssize_t scans, Py_ssize_t
         left -= size[s];
     }
     return fits && left == 0;
-}
-
-KERNEL(polar) {
-    TAKE("d1d1d1l1d2d2!");
-    Py_ssize_t size = LENGTH(0, 0), scans = LENGTH(4, 0);
-    if (!sized(&given, LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(4, 1) == 4 && LENGTH(5, 0) == size && LENGTH(5, 1) == 2 &&
-                           sizes_fit(&given, 3, scans, size)))
-        return NULL;
-    const double *range = ARRAY(0)->buf, *cos = ARRAY(1)->buf, *sin = ARRAY(2)->buf;
-    const int64_t *sizes = ARRAY(3)->buf;
-    for (Py_ssize_t s = 0, n = 0; s < scans; s++) {
-        const double *place = ROW(double, 4, s);
-        for (Py_ssize_t end = n + sizes[s]; n < end; n++) {
-            double along = range[n] * cos[n], aside = range[n] * sin[n], *to = ROW(double, 5, n);
-            to[0] = place[2] * along - place[3] * aside + place[0];
-            to[1] = place[3] * along + place[2] * aside + place[1];
-        }
-    }
-    return done(&given);
-}
-
-KERNEL(deviations) {
-    TAKE("d1d1d1l1d2xxxd1!");
-    Py_ssize_t size = LENGTH(0, 0), scans = LENGTH(4, 0);
-    if (!sized(&given, LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(4, 1) == 4 && LENGTH(5, 0) == size && sizes_fit(&given, 3, scans, size)))
-        return NULL;
-    const double *cos = ARRAY(0)->buf, *sin = ARRAY(1)->buf, *rate = ARRAY(2)->buf;
-    const int64_t *sizes = ARRAY(3)->buf;
-    double *out = ARRAY(5)->buf, by_rate = given.number[0], by_azimuth = given.number[1], by_speed = given.number[2];
-    for (Py_ssize_t s = 0, n = 0; s < scans; s++) {
-        const double *scan = ROW(double, 4, s);
-        double vx = scan[0], vy = scan[1], interval = scan[2], turning = scan[3];
-        for (Py_ssize_t end = n + sizes[s]; n < end; n++) {
-            double expected = -(vx * cos[n] + vy * sin[n]), left = rate[n] - expected;
-            if (interval > 0) left -= interval * rint(left / interval);
-            double azimuth = (vx * sin[n] - vy * cos[n]) * by_azimuth, speed = expected * by_speed;
-            out[n] = fabs(left) / sqrt(by_rate * by_rate + azimuth * azimuth + speed * speed + turning * turning);
-        }
-    }
-    return done(&given);
 }
 
 KERNEL(draw_now) {
@@ -1062,11 +1022,11 @@ KERNEL(differing) {
 
 #define ENTRY(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, "As reference." #name "."}
 static PyMethodDef methods[] = {
-    ENTRY(moved),     ENTRY(polar),     ENTRY(deviations), ENTRY(draw_now),  ENTRY(draw_past), ENTRY(draw_passes), ENTRY(draw_looks),   ENTRY(bilinear), ENTRY(add_clamped),
+    ENTRY(moved),     ENTRY(polar),     ENTRY(placed), ENTRY(sensors), ENTRY(deviations), ENTRY(draw_now),  ENTRY(draw_past), ENTRY(draw_passes), ENTRY(draw_looks),   ENTRY(bilinear), ENTRY(add_clamped),
     ENTRY(note_views), ENTRY(add_looks), ENTRY(elfes),    ENTRY(look),        ENTRY(add_measured), ENTRY(usual),
     ENTRY(signals),   ENTRY(quantities), ENTRY(fold), ENTRY(odds), ENTRY(beside), ENTRY(common_motion),
     ENTRY(read_out),  ENTRY(percent), ENTRY(differing),
-    ENTRY(gathered), ENTRY(agreeing), ENTRY(gated), ENTRY(possible), ENTRY(nearby), ENTRY(leanings),
+    ENTRY(gathered), ENTRY(gated), ENTRY(possible), ENTRY(nearby), ENTRY(leanings),
     ENTRY(candump_lines), ENTRY(asc_lines), ENTRY(trc_lines), ENTRY(csv_lines), ENTRY(blf_objects), ENTRY(assemble), ENTRY(identify), ENTRY(can_frames), ENTRY(join_frames),
     {NULL, NULL, 0, NULL},
 };

@@ -2,7 +2,8 @@
 
 All of them write into arrays of the caller's. Points are (N, 2), x and y in m; a patch is a square of cells around base, row i along y and
 column j along x (`evidence.raster.GridSpec`): `half` is the metres from its middle to an edge, `cell` a cell's side. Only sums, products,
-quotients, roots and comparisons are made here, whose bits are the same on every processor; sines and the like come in as arguments.
+quotients, roots and comparisons are made here, whose bits are the same on every processor; sines and the like come in as arguments, but
+those of a few poses, which are the C library's in Python as in C.
 """
 
 from __future__ import annotations
@@ -46,14 +47,17 @@ from echogrid.core.kernels.reading import differing as differing
 from echogrid.core.kernels.reading import percent as percent
 from echogrid.core.kernels.reading import read_out as read_out
 from echogrid.core.kernels.scans import assemble as assemble
-from echogrid.core.kernels.sweeps import agreeing as agreeing
 from echogrid.core.kernels.sweeps import beside as beside
 from echogrid.core.kernels.sweeps import common_motion as common_motion
+from echogrid.core.kernels.sweeps import deviations as deviations
 from echogrid.core.kernels.sweeps import gated as gated
 from echogrid.core.kernels.sweeps import gathered as gathered
 from echogrid.core.kernels.sweeps import leanings as leanings
 from echogrid.core.kernels.sweeps import nearby as nearby
+from echogrid.core.kernels.sweeps import placed as placed
+from echogrid.core.kernels.sweeps import polar as polar
 from echogrid.core.kernels.sweeps import possible as possible
+from echogrid.core.kernels.sweeps import sensors as sensors
 from echogrid.core.kernels.tiles import add_clamped as add_clamped
 from echogrid.core.kernels.tiles import add_looks as add_looks
 from echogrid.core.kernels.tiles import add_measured as add_measured
@@ -66,31 +70,6 @@ def moved(points: Floats, x: float, y: float, cos: float, sin: float, out: Float
     there = cos * points[:, 0] - sin * points[:, 1] + x
     out[:, 1] = sin * points[:, 0] + cos * points[:, 1] + y
     out[:, 0] = there
-
-
-def polar(range_: Floats, cos: Floats, sin: Floats, sizes: Integers, places: Floats, out: Floats) -> None:
-    """Points (N, 2) of scans, `sizes` (S,) of each, in the frame in which the sensors are at places (S, 4): x, y, cosine and sine of yaw.
-    `cos` and `sin` (N,): of the points' azimuths."""
-    x, y, c, s = np.repeat(places, sizes, axis=0).T
-    along, aside = range_ * cos, range_ * sin
-    out[:, 0] = c * along - s * aside + x
-    out[:, 1] = s * along + c * aside + y
-
-
-def deviations(
-    cos: Floats, sin: Floats, rate: Floats, sizes: Integers, scans: Floats, by_rate: float, by_azimuth: float, by_speed: float, out: Floats
-) -> None:
-    """(N,) how many sigmas range rates are off those of standing points, for scans, `sizes` (S,) of each.
-
-    `cos` and `sin` (N,): of the bearings in base. scans (S, 4): the sensor's velocity in base (m/s, x and y), the Doppler ambiguity
-    interval (m/s; 0: none), the sigma that turning adds (m/s). Of the others' sigmas: m/s, rad, and a share of the rate that is expected.
-    """
-    vx, vy, interval, turning = np.repeat(scans, sizes, axis=0).T
-    expected, slope = -(vx * cos + vy * sin), vx * sin - vy * cos
-    left, known = rate - expected, np.where(interval > 0, interval, 1.0)
-    left = np.where(interval > 0, left - known * np.rint(left / known), left)
-    azimuth, speed = slope * by_azimuth, expected * by_speed
-    out[:] = np.abs(left) / np.sqrt(by_rate * by_rate + azimuth * azimuth + speed * speed + turning * turning)
 
 
 def draw_now(points: Floats, rcs: Floats, deviation: Floats, half: float, cell: float, table: Bytes, out: Bytes) -> None:

@@ -38,15 +38,17 @@ KERNEL(beside) {
     return done(&given);
 }
 
+/* Columns of a scan's row: as Scan. */
+enum { SENSOR_X, SENSOR_Y, SENSOR_YAW, RANGE, HALF_FOV, SPEED, YAW_RATE, AMBIGUITY, TURNING, CAR_X, CAR_Y, CAR_YAW, SCAN_VALUES };
+
 KERNEL(gathered) {
-    TAKE("*d1*d1*d1*d1d2d2!l1!B1!");
+    TAKE("*d1d2d2!l1!B1!");
+    const List *list = &given.list[0];
     Py_ssize_t scans = LENGTH(0, 0), size = LENGTH(2, 0), n = 0;
-    int fits = LENGTH(0, 1) == 2 && LENGTH(1, 0) == 5 && LENGTH(1, 1) == size && LENGTH(3, 0) == size;
-    for (int q = 0; q < 4; q++) fits &= given.list[q].count == scans;
-    for (Py_ssize_t s = 0; fits && s < scans; s++) {
-        Py_ssize_t some = given.list[0].array[s].shape[0];
-        for (int q = 1; q < 4; q++) fits &= given.list[q].array[s].shape[0] == some;
-        n += some;
+    int fits = LENGTH(0, 1) == SCAN_VALUES && list->count == 4 * scans && LENGTH(1, 0) == 5 && LENGTH(1, 1) == size && LENGTH(3, 0) == size;
+    for (Py_ssize_t k = 0; fits && k < 4 * scans; k++) {
+        fits = list->array[k].shape[0] == list->array[k & ~3].shape[0];
+        n += k & 3 ? 0 : list->array[k].shape[0];
     }
     if (!sized(&given, fits && n == size)) return NULL;
     double *azimuth = ROW(double, 1, 0), *bearing = ROW(double, 1, 1), *range = ROW(double, 1, 2), *rate = ROW(double, 1, 3), *rcs = ROW(double, 1, 4);
@@ -54,49 +56,130 @@ KERNEL(gathered) {
     uint8_t *near = ARRAY(3)->buf;
     n = 0;
     for (Py_ssize_t s = 0; s < scans; s++) {
-        const double *of[4], *mount = ROW(double, 0, s);
-        for (int q = 0; q < 4; q++) of[q] = given.list[q].array[s].buf;
-        for (Py_ssize_t k = 0; k < given.list[0].array[s].shape[0]; k++, n++) {
+        const double *of[4], *row = ROW(double, 0, s);
+        for (int q = 0; q < 4; q++) of[q] = list->array[4 * s + q].buf;
+        for (Py_ssize_t k = 0; k < list->array[4 * s].shape[0]; k++, n++) {
             range[n] = of[0][k];
             azimuth[n] = of[1][k];
             rate[n] = of[2][k];
             rcs[n] = of[3][k];
-            bearing[n] = azimuth[n] + mount[0];
-            near[n] = range[n] <= mount[1];
+            bearing[n] = azimuth[n] + row[SENSOR_YAW];
+            near[n] = range[n] <= row[RANGE];
             scan[n] = s;
         }
     }
     return done(&given);
 }
 
-KERNEL(agreeing) {
-    TAKE("l1B1d1xl2!");
-    Py_ssize_t scans = LENGTH(0, 0), size = LENGTH(1, 0);
-    if (!sized(&given, LENGTH(2, 0) == size && LENGTH(3, 0) == 2 && LENGTH(3, 1) == scans && sizes_fit(&given, 0, scans, size))) return NULL;
-    const int64_t *sizes = ARRAY(0)->buf;
-    const uint8_t *near = ARRAY(1)->buf;
-    const double *sigmas = ARRAY(2)->buf;
-    int64_t *asked = ROW(int64_t, 3, 0), *standing = ROW(int64_t, 3, 1);
+KERNEL(deviations) {
+    TAKE("d1d1d1B1l1d2xxxxd1!l2!");
+    Py_ssize_t size = LENGTH(0, 0), scans = LENGTH(5, 0);
+    int fits = LENGTH(5, 1) == SCAN_VALUES && LENGTH(6, 0) == size && LENGTH(7, 0) == 2 && LENGTH(7, 1) == scans && sizes_fit(&given, 4, scans, size);
+    for (int n = 1; n < 4; n++) fits &= LENGTH(n, 0) == size;
+    if (!sized(&given, fits)) return NULL;
+    const double *cos = ARRAY(0)->buf, *sin = ARRAY(1)->buf, *rate = ARRAY(2)->buf;
+    const uint8_t *near = ARRAY(3)->buf;
+    const int64_t *sizes = ARRAY(4)->buf;
+    double *out = ARRAY(6)->buf, by_rate = given.number[0], by_azimuth = given.number[1], by_speed = given.number[2], limit = given.number[3];
+    int64_t *asked = ROW(int64_t, 7, 0), *standing = ROW(int64_t, 7, 1);
     for (Py_ssize_t s = 0, n = 0; s < scans; s++) {
+        const double *scan = ROW(double, 5, s);
+        double vx = scan[SPEED] - scan[YAW_RATE] * scan[SENSOR_Y], vy = scan[YAW_RATE] * scan[SENSOR_X];
+        double interval = scan[AMBIGUITY], turning = scan[TURNING];
         asked[s] = standing[s] = 0;
         for (Py_ssize_t end = n + sizes[s]; n < end; n++) {
+            double expected = -(vx * cos[n] + vy * sin[n]), left = rate[n] - expected;
+            if (interval > 0) left -= interval * rint(left / interval);
+            double azimuth = (vx * sin[n] - vy * cos[n]) * by_azimuth, speed = expected * by_speed;
+            out[n] = fabs(left) / sqrt(by_rate * by_rate + azimuth * azimuth + speed * speed + turning * turning);
             asked[s] += near[n] != 0;
-            standing[s] += near[n] && sigmas[n] <= given.number[0];
+            standing[s] += near[n] && out[n] <= limit;
         }
     }
     return done(&given);
 }
 
+/* A pose of the plane: metres and radians. */
+typedef struct {
+    double x, y, yaw;
+} Pose;
+
+static Pose joined(Pose a_from_b, const double *b_from_c) {
+    double c = cos(a_from_b.yaw), s = sin(a_from_b.yaw);
+    return (Pose){a_from_b.x + c * b_from_c[0] - s * b_from_c[1], a_from_b.y + s * b_from_c[0] + c * b_from_c[1], a_from_b.yaw + b_from_c[2]};
+}
+
+KERNEL(sensors) {
+    TAKE("d2xxxd2!d2!");
+    Py_ssize_t scans = LENGTH(0, 0);
+    if (!sized(&given, LENGTH(0, 1) == SCAN_VALUES && LENGTH(1, 0) == scans && LENGTH(1, 1) == 4 && LENGTH(2, 0) == scans && LENGTH(2, 1) == 3))
+        return NULL;
+    double x = given.number[0], y = given.number[1], yaw = given.number[2], c = cos(yaw), s = sin(yaw);
+    const Pose base_from_odom = {-c * x - s * y, s * x - c * y, -yaw};
+    for (Py_ssize_t n = 0; n < scans; n++) {
+        const double *scan = ROW(double, 0, n);
+        double *in_base = ROW(double, 1, n), *in_odom = ROW(double, 2, n);
+        Pose there = joined(joined(base_from_odom, scan + CAR_X), scan + SENSOR_X);
+        in_base[0] = there.x;
+        in_base[1] = there.y;
+        in_base[2] = cos(there.yaw);
+        in_base[3] = sin(there.yaw);
+        in_odom[0] = c * there.x - s * there.y + x;
+        in_odom[1] = s * there.x + c * there.y + y;
+        in_odom[2] = there.yaw + yaw;
+    }
+    return done(&given);
+}
+
+/* A detection in the frame in which its sensor is at a place: x, y, cosine and sine of its yaw. */
+static inline void put(double range, double cos, double sin, const double *place, double *to) {
+    double along = range * cos, aside = range * sin;
+    to[0] = place[2] * along - place[3] * aside + place[0];
+    to[1] = place[3] * along + place[2] * aside + place[1];
+}
+
+KERNEL(polar) {
+    TAKE("d1d1d1l1d2d2!");
+    Py_ssize_t size = LENGTH(0, 0), scans = LENGTH(4, 0);
+    if (!sized(&given, LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(4, 1) == 4 && LENGTH(5, 0) == size && LENGTH(5, 1) == 2 &&
+                           sizes_fit(&given, 3, scans, size)))
+        return NULL;
+    const double *range = ARRAY(0)->buf, *cos = ARRAY(1)->buf, *sin = ARRAY(2)->buf;
+    const int64_t *sizes = ARRAY(3)->buf;
+    for (Py_ssize_t s = 0, n = 0; s < scans; s++)
+        for (Py_ssize_t end = n + sizes[s]; n < end; n++) put(range[n], cos[n], sin[n], ROW(double, 4, s), ROW(double, 5, n));
+    return done(&given);
+}
+
+KERNEL(placed) {
+    TAKE("d1d1d1l1d2d2xxxd2!");
+    Py_ssize_t size = LENGTH(0, 0), scans = LENGTH(4, 0);
+    if (!sized(&given, LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(4, 1) == 4 && LENGTH(5, 0) == scans && LENGTH(5, 1) == 3 &&
+                           LENGTH(6, 0) == size && LENGTH(6, 1) == 6 && sizes_fit(&given, 3, scans, size)))
+        return NULL;
+    const double *range = ARRAY(0)->buf, *cosine = ARRAY(1)->buf, *sine = ARRAY(2)->buf;
+    const int64_t *sizes = ARRAY(3)->buf;
+    double x = given.number[0], y = given.number[1], c = cos(given.number[2]), s = sin(given.number[2]);
+    for (Py_ssize_t k = 0, n = 0; k < scans; k++)
+        for (Py_ssize_t end = n + sizes[k]; n < end; n++) {
+            double *to = ROW(double, 6, n);
+            put(range[n], cosine[n], sine[n], ROW(double, 4, k), to);
+            to[2] = c * to[0] - s * to[1] + x;
+            to[3] = s * to[0] + c * to[1] + y;
+            memcpy(to + 4, ROW(double, 5, k), 2 * sizeof *to);
+        }
+    return done(&given);
+}
+
 KERNEL(gated) {
-    TAKE("d2d1B1d1xxxB1!l2!l1!");
+    TAKE("d2d1B1d1xxxB1!l2!");
     Py_ssize_t size = LENGTH(0, 0);
     if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(3, 0) == size && LENGTH(4, 0) == size &&
-                           LENGTH(5, 0) == 2 && LENGTH(5, 1) == size && LENGTH(6, 0) == 2))
+                           LENGTH(5, 0) == 2 && LENGTH(5, 1) == size + 1))
         return NULL;
     const double *sigmas = ARRAY(1)->buf, *range = ARRAY(3)->buf, reach = given.number[0], limit = given.number[1];
     const uint8_t *near = ARRAY(2)->buf;
     uint8_t *verdicts = ARRAY(4)->buf;
-    int64_t *found = ARRAY(6)->buf;
     double *movers = malloc((2 * size + 1) * sizeof *movers + size);
     if (movers == NULL) {
         drop(&given);
@@ -111,21 +194,18 @@ KERNEL(gated) {
     for (int turn = alike ? 0 : 1; turn >= 0; turn--) {
         const uint8_t *asked = turn ? reached : near;
         int64_t *standing = ROW(int64_t, 5, turn);
-        Py_ssize_t moving = 0;
+        Py_ssize_t moving = 0, stand = 0;
         for (Py_ssize_t n = 0; n < size; n++)
             if (asked[n] && !(sigmas[n] <= limit)) memcpy(movers + 2 * moving++, ROW(double, 0, n), 2 * sizeof *movers);
         for (Py_ssize_t n = 0; n < size; n++) verdicts[n] = UNASKED;
         mark_beside(&given, 0, movers, moving, given.number[2], 0, size, asked, BESIDE, STANDS, verdicts);
-        found[turn] = 0;
         for (Py_ssize_t n = 0; n < size; n++) {
             if (asked[n] && !(sigmas[n] <= limit)) verdicts[n] = MOVES;
-            if (verdicts[n] == STANDS) standing[found[turn]++] = n;
+            if (verdicts[n] == STANDS) standing[++stand] = n;
         }
+        standing[0] = stand;
     }
-    if (alike) {
-        memcpy(ROW(int64_t, 5, 1), ROW(int64_t, 5, 0), found[0] * sizeof *found);
-        found[1] = found[0];
-    }
+    if (alike) memcpy(ROW(int64_t, 5, 1), ROW(int64_t, 5, 0), (*ROW(int64_t, 5, 0) + 1) * sizeof(int64_t));
     free(movers);
     return done(&given);
 }
@@ -217,7 +297,7 @@ KERNEL(common_motion) {
     const double *cos = ARRAY(0)->buf, *sin = ARRAY(1)->buf, *all = ARRAY(2)->buf, *first = ROW(double, 6, 0), *second = ROW(double, 6, 1);
     const uint8_t *near = ARRAY(3)->buf;
     const int64_t *sizes = ARRAY(4)->buf;
-    int fits = LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(3, 0) == size && sizes_fit(&given, 4, scans, size) && LENGTH(5, 0) == scans && LENGTH(5, 1) == 3 &&
+    int fits = LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(3, 0) == size && sizes_fit(&given, 4, scans, size) && LENGTH(5, 0) == scans && LENGTH(5, 1) == SCAN_VALUES &&
                LENGTH(6, 0) == 2 && LENGTH(7, 0) == 7;
     for (Py_ssize_t g = 0; fits && g < pairs; g++) fits = first[g] >= 0 && first[g] < 1 && second[g] >= 0 && second[g] < 1;
     if (!sized(&given, fits)) return NULL;
@@ -228,12 +308,12 @@ KERNEL(common_motion) {
     }
     double *interval = slope + 2 * size, *rate = slope + 3 * size;
     for (Py_ssize_t s = 0, n = 0; s < scans; s++) {
-        const double *place = ROW(double, 5, s);
+        const double *scan = ROW(double, 5, s);
         for (Py_ssize_t end = n + sizes[s]; n < end; n++) {
             if (!near[n]) continue;
             slope[2 * kept] = -cos[n];
-            slope[2 * kept + 1] = place[1] * cos[n] - place[0] * sin[n];
-            interval[kept] = place[2];
+            slope[2 * kept + 1] = scan[SENSOR_Y] * cos[n] - scan[SENSOR_X] * sin[n];
+            interval[kept] = scan[AMBIGUITY];
             rate[kept++] = all[n];
         }
     }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from enum import IntEnum
 
 import numpy as np
@@ -18,32 +20,104 @@ class GateVerdict(IntEnum):
     UNASKED = 3
 
 
-def gathered(
-    ranges: list[Floats],
-    azimuths: list[Floats],
-    rates: list[Floats],
-    rcs: list[Floats],
-    mounts: Floats,
-    columns: Floats,
-    scan: Integers,
-    near: Mask,
-) -> None:
-    """Detections of scans (S), scan by scan: `columns` (5, N) are azimuth, bearing in base, range, range rate and RCS, `scan` (N,) is each
-    one's, and `near` (N,) within its mount's range. `mounts` (S, 2): yaw and range."""
-    sizes = [len(one) for one in ranges]
+class Scan(IntEnum):
+    """Columns of a scan's row: where its sensor is on the car (m, rad), how far it sees (m) and half of how wide (rad); how the car moved
+    (m/s, rad/s); the Doppler ambiguity interval (m/s; 0: none) and the sigma that turning adds (m/s); where the car was in odom."""
+
+    X = 0
+    Y = 1
+    YAW = 2
+    RANGE = 3
+    HALF_FOV = 4
+    SPEED = 5
+    YAW_RATE = 6
+    AMBIGUITY = 7
+    TURNING = 8
+    CAR_X = 9
+    CAR_Y = 10
+    CAR_YAW = 11
+
+
+def gathered(arrays: list[Floats], scans: Floats, columns: Floats, scan: Integers, near: Mask) -> None:
+    """Detections of scans (S, 12), as Scan has them, scan by scan: `columns` (5, N) are azimuth, bearing in base, range, range rate and
+    RCS, `scan` (N,) is each one's, and `near` (N,) within its mount's range. `arrays`: of each scan range, azimuth, range rate and RCS."""
+    sizes = [len(one) for one in arrays[::4]]
     scan[:] = np.repeat(np.arange(len(sizes)), sizes)
-    for row, of_scans in zip((0, 2, 3, 4), (azimuths, ranges, rates, rcs), strict=True):
-        columns[row] = np.concatenate(of_scans)
-    columns[1] = columns[0] + mounts[scan, 0]
-    near[:] = columns[2] <= mounts[scan, 1]
+    for row, first in zip((2, 0, 3, 4), range(4), strict=True):
+        columns[row] = np.concatenate(arrays[first::4])
+    columns[1] = columns[0] + scans[scan, Scan.YAW]
+    near[:] = columns[2] <= scans[scan, Scan.RANGE]
 
 
-def agreeing(sizes: Integers, near: Mask, sigmas: Floats, limit: float, out: Integers) -> None:
-    """Of scans (S,) with so many detections: out (2, S) counts those that are near, and those of them that are at most `limit` sigmas
-    off."""
+def deviations(
+    cos: Floats,
+    sin: Floats,
+    rate: Floats,
+    near: Mask,
+    sizes: Integers,
+    scans: Floats,
+    by_rate: float,
+    by_azimuth: float,
+    by_speed: float,
+    limit: float,
+    out: Floats,
+    counts: Integers,
+) -> None:
+    """Out (N,): how many sigmas range rates are off those of standing points, for scans (S, 12), as Scan has them, `sizes` (S,) of each.
+    `counts` (2, S): how many of each are `near`, and of these at most `limit` sigmas off.
+
+    `cos` and `sin` (N,): of the bearings in base. Sigmas: m/s, rad, and a share of the rate that is expected.
+    """
     scan = np.repeat(np.arange(len(sizes)), sizes)
-    for row, which in zip(out, (near, near & (sigmas <= limit)), strict=True):
+    of = scans[scan].T
+    vx, vy, interval = of[Scan.SPEED] - of[Scan.YAW_RATE] * of[Scan.Y], of[Scan.YAW_RATE] * of[Scan.X], of[Scan.AMBIGUITY]
+    expected, slope = -(vx * cos + vy * sin), vx * sin - vy * cos
+    left, known = rate - expected, np.where(interval > 0, interval, 1.0)
+    left = np.where(interval > 0, left - known * np.rint(left / known), left)
+    azimuth, speed, turning = slope * by_azimuth, expected * by_speed, of[Scan.TURNING]
+    out[:] = np.abs(left) / np.sqrt(by_rate * by_rate + azimuth * azimuth + speed * speed + turning * turning)
+    for row, which in zip(counts, (near, near & (out <= limit)), strict=True):
         row[:] = np.bincount(scan[which], minlength=len(sizes))
+
+
+def sensors(scans: Floats, x: float, y: float, yaw: float, in_base: Floats, in_odom: Floats) -> None:
+    """Where the sensors of scans (S, 12), as Scan has them, were: `in_base` (S, 4), of a car that is at x, y and yaw in odom: x, y, cosine
+    and sine of their yaw; and `in_odom` (S, 3): x, y and yaw. Sines are those of Python's math, the C library's."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    base_from_odom = -c * x - s * y, s * x - c * y, -yaw
+    for row, base, odom in zip(scans.tolist(), in_base, in_odom, strict=True):
+        there = _joined(_joined(base_from_odom, row[Scan.CAR_X :]), row[: Scan.RANGE])
+        base[:] = there[0], there[1], math.cos(there[2]), math.sin(there[2])
+        odom[:] = c * there[0] - s * there[1] + x, s * there[0] + c * there[1] + y, there[2] + yaw
+
+
+def _joined(a_from_b: Sequence[float], b_from_c: Sequence[float]) -> tuple[float, float, float]:
+    """As SE2 does it."""
+    (x, y, yaw), (u, v, turn) = a_from_b, b_from_c
+    c, s = math.cos(yaw), math.sin(yaw)
+    return x + c * u - s * v, y + s * u + c * v, yaw + turn
+
+
+def polar(range_: Floats, cos: Floats, sin: Floats, sizes: Integers, places: Floats, out: Floats) -> None:
+    """Points (N, 2) of scans, `sizes` (S,) of each, in the frame in which the sensors are at places (S, 4): x, y, cosine and sine of yaw.
+    `cos` and `sin` (N,): of the points' azimuths."""
+    x, y, c, s = np.repeat(places, sizes, axis=0).T
+    along, aside = range_ * cos, range_ * sin
+    out[:, 0] = c * along - s * aside + x
+    out[:, 1] = s * along + c * aside + y
+
+
+def placed(
+    range_: Floats, cos: Floats, sin: Floats, sizes: Integers, in_base: Floats, in_odom: Floats, x: float, y: float, yaw: float, out: Floats
+) -> None:
+    """As `polar`, of sensors as `sensors` has them. Out (N, 6): x and y in base; in odom; and in odom of the sensor that measured it."""
+    points = np.empty((len(range_), 2))
+    polar(range_, cos, sin, sizes, in_base, points)
+    c, s = math.cos(yaw), math.sin(yaw)
+    out[:, :2] = points
+    out[:, 2] = c * points[:, 0] - s * points[:, 1] + x
+    out[:, 3] = s * points[:, 0] + c * points[:, 1] + y
+    out[:, 4:] = np.repeat(in_odom[:, :2], sizes, axis=0)
 
 
 def gated(
@@ -56,20 +130,19 @@ def gated(
     radius: float,
     verdicts: Bytes,
     static: Integers,
-    found: Integers,
 ) -> None:
     """Twice, of those detections (N,) that are `near` and of those up to `reach` m far, by GateVerdict: what is more than `limit` sigmas
     off a standing thing moves, and what lies within `radius` m of at least two such is beside them. `verdicts` (N,) of the first time;
-    `static` (2, N) which ones stand, `found` (2,) how many of them there are."""
+    `static` (2, N + 1): how many of them stand, and which."""
     asked = np.stack((near, range_ <= reach))
-    for which, standing, count in zip(asked[::-1], static[::-1], found[::-1, None], strict=True):
+    for which, standing in zip(asked[::-1], static[::-1], strict=True):
         some = np.flatnonzero(which)
         moving, near = ~(sigmas[some] <= limit), np.empty(len(some), np.bool_)
         beside(points[some], moving, np.array([len(some)]), radius, near)
         verdicts[:] = GateVerdict.UNASKED
         verdicts[some] = np.where(moving, GateVerdict.MOVING, np.where(near, GateVerdict.BESIDE, GateVerdict.STATIC))
         stands = np.flatnonzero(verdicts == GateVerdict.STATIC)
-        standing[: len(stands)], count[0] = stands, len(stands)
+        standing[0], standing[1 : len(stands) + 1] = len(stands), stands
 
 
 def beside(points: Floats, moving: Mask, sizes: Integers, radius: float, out: Mask) -> None:
@@ -155,7 +228,7 @@ def common_motion(
     rate: Floats,
     near: Mask,
     sizes: Integers,
-    places: Floats,
+    scans: Floats,
     pairs: Floats,
     apart: float,
     tolerance: float,
@@ -167,10 +240,10 @@ def common_motion(
     Out (7,): speed (m/s), yaw rate (rad/s), whether any pair was `apart` enough, by its determinant, how many are near, how many of these
     the refined one explains, and the sums of the cosines and sines of those.
 
-    Detections by the cosine and sine (N,) of their bearing in base, scan by scan: `sizes` (S,) with places (S, 3), x and y of the sensor
-    (m) and the Doppler ambiguity interval (m/s, 0: none), modulo which rates are compared. Sums go from the first detection to the last.
+    Detections by the cosine and sine (N,) of their bearing in base, scan by scan: `sizes` (S,) of scans (S, 12), as Scan has them, modulo
+    whose ambiguity interval rates are compared. Sums go from the first detection to the last.
     """
-    x, y, interval = np.repeat(places, sizes, axis=0)[near].T
+    x, y, interval = np.repeat(scans[:, (Scan.X, Scan.Y, Scan.AMBIGUITY)], sizes, axis=0)[near].T
     cos, sin, rate = cos[near], sin[near], rate[near]
     slope = np.stack((-cos, y * cos - x * sin), axis=1)  # (N, 2) derivatives of a standing point's range rate by speed and yaw rate
 

@@ -34,9 +34,8 @@ def doppler_motion(sweep: Sweep) -> DopplerMotion | None:
     A standing point's range rate is linear in both: -cos(b) speed + (y cos(b) - x sin(b)) yaw_rate, for its bearing b in base from a mount
     at (x, y). Detections beyond the mounts' range do not count. None for fewer than LEAST, or all in one direction.
     """
-    sensors = [(one.mount.base_from_sensor, one.scan.ambiguity) for one in sweep.placed]
-    places, found = np.array([(sensor.x, sensor.y, ambiguity) for sensor, ambiguity in sensors]), np.empty(7)
-    loops.common_motion(*sweep.bearing, sweep.range_rate, sweep.near, sweep.sizes, places, PAIRS, APART, TOLERANCE, found)
+    found = np.empty(7)
+    loops.common_motion(*sweep.bearing, sweep.range_rate, sweep.near, sweep.sizes, sweep.scans, PAIRS, APART, TOLERANCE, found)
     speed, yaw_rate, is_found, near, count, cos, sin = found.tolist()
     if near < LEAST or not is_found:
         return None

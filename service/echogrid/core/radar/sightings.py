@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from echogrid.core.kernels.dispatch import loops
 from echogrid.core.messages import Floats
+from echogrid.core.motion.se2 import IDENTITY
 from echogrid.core.radar.static_gate import GateNoise, beside_movers
 from echogrid.core.radar.sweep import Sweep
 
@@ -63,7 +64,7 @@ def look(sweeps: Sequence[tuple[Sweep, Turned]], numbers: Mapping[str, int], noi
     placed = [one for sweep, _ in sweeps for one in sweep.placed]
     stands, points = [], []
     for sweep, _ in sweeps:
-        there = sweep.points([(0.0, 0.0, 0.0)] * len(sweep.placed))  # each in its sensor's frame
+        there = sweep.points(np.array([(0.0, 0.0, 1.0, 0.0)] * len(sweep.placed)))  # each in its sensor's frame
         moving = sweep.sigmas > noise.sigmas
         stands.append(~(moving | beside_movers(there, moving, sweep.sizes, noise)) & (sweep.range > NEAREST))
         points.append(there)
@@ -73,11 +74,10 @@ def look(sweeps: Sequence[tuple[Sweep, Turned]], numbers: Mapping[str, int], noi
     count = min(len(standing), most)
     kept = standing[np.arange(count) * len(standing) // count]
     whose = np.repeat(np.arange(len(placed)), np.concatenate([sweep.sizes for sweep, _ in sweeps]))[kept]
-    sensors = [one.ego.odom_from_base @ one.mount.base_from_sensor for one in placed]
-    turn = np.exp(1j * np.array([one.yaw for one in sensors]))[whose]
-    origin, car = (
-        np.array([complex(one.x, one.y) for one in some])[whose] for some in (sensors, [one.ego.odom_from_base for one in placed])
-    )
+    sensors = np.concatenate([sweep.sensors(IDENTITY)[1] for sweep, _ in sweeps])
+    cars = np.array([one.ego.odom_from_base for one in placed])
+    turn = np.exp(1j * sensors[:, 2])[whose]
+    origin, car = (np.ascontiguousarray(some[:, :2]).view(np.complex128)[whose, 0] for some in (sensors, cars))
     radar = np.array([numbers[one.scan.sensor] for one in placed])[whose]
     turned = [so_far for sweep, so_far in sweeps for _ in sweep.placed]
     so_far = Turned(np.array([one.sums for one in turned])[whose], np.array([one.moments for one in turned])[whose])

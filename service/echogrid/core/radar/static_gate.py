@@ -60,31 +60,28 @@ def deviation(
     yaw_rate: float,
     noise: GateNoise,
 ) -> Floats:
-    """(N,) how many sigmas the range rate is off a standing point's: static is what has at most `noise.sigmas`.
+    """(N,) how many sigmas the range rate is off a standing point's: static is what has at most `noise.sigmas`. As a `Sweep` has it.
 
     A sigma grows with what an azimuth error does to the prediction: little ahead, most abeam.
     """
-    bearing = azimuth + mount.base_from_sensor.yaw
-    rows, sigmas = np.array([gate_row(mount, speed, yaw_rate, ambiguity, noise)]), np.empty(len(azimuth))
-    sizes = np.array([len(azimuth)])
-    loops.deviations(np.cos(bearing), np.sin(bearing), range_rate, sizes, rows, noise.range_rate, noise.azimuth, noise.speed, sigmas)
-    return sigmas
-
-
-def gate_row(mount: Mount, speed: float, yaw_rate: float, ambiguity: float, noise: GateNoise) -> tuple[float, float, float, float]:
-    """Of a scan, as `deviations` has it: the sensor's velocity, the ambiguity interval, and the sigma that turning adds, all m/s."""
     place = mount.base_from_sensor
-    return speed - yaw_rate * place.y, yaw_rate * place.x, ambiguity, math.hypot(place.x, place.y) * noise.yaw_rate
+    expected, slope = static_range_rate(azimuth, mount, speed, yaw_rate)
+    by_azimuth, by_speed, by_turning = slope * noise.azimuth, expected * noise.speed, math.hypot(place.x, place.y) * noise.yaw_rate
+    variance = noise.range_rate * noise.range_rate + by_azimuth * by_azimuth + by_speed * by_speed + by_turning * by_turning
+    sigmas: Floats = np.abs(fold(range_rate - expected, ambiguity)) / np.sqrt(variance)
+    return sigmas
 
 
 def gated(
     points: Floats, sigmas: Floats, near: NDArray[np.bool_], range_: Floats, reach: float, noise: GateNoise
-) -> tuple[NDArray[np.uint8], list[NDArray[np.int64]]]:
+) -> tuple[NDArray[np.uint8], tuple[NDArray[np.int64], NDArray[np.int64]]]:
     """Of detections (N,) at points (N, 2) m, so many sigmas off a standing thing: the verdict (N,) on those that are `near`,
     `kernels.sweeps.GateVerdict`, and of these, and of those up to `reach` m far, which ones stand."""
-    verdicts, static, found = np.empty(len(points), np.uint8), np.empty((2, len(points)), np.int64), np.empty(2, np.int64)
-    loops.gated(points, sigmas, near, range_, reach, noise.sigmas, noise.mover_radius, verdicts, static, found)
-    return verdicts, [row[:count] for row, count in zip(static, found.tolist(), strict=True)]
+    count = len(points)
+    verdicts, static = np.empty(count, np.uint8), np.empty((2, count + 1), np.int64)
+    loops.gated(points, sigmas, near, range_, reach, noise.sigmas, noise.mover_radius, verdicts, static)
+    one, other = static[:, 0].tolist()
+    return verdicts, (static[0, 1 : one + 1], static[1, 1 : other + 1])
 
 
 def beside_movers(points: Floats, moving: NDArray[np.bool_], sizes: NDArray[np.int64], noise: GateNoise) -> NDArray[np.bool_]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import compress
 from operator import attrgetter
 
@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from echogrid.core.kernels.dispatch import loops
 from echogrid.core.messages import Floats
 from echogrid.core.motion.odometry import EgoState
+from echogrid.core.motion.se2 import SE2
 from echogrid.core.radar.placed_scan import PlacedScan
-from echogrid.core.radar.static_gate import GateNoise, gate_row
+from echogrid.core.radar.static_gate import GateNoise
 
 _stamp_ns = attrgetter("stamp_ns")
 
@@ -24,6 +25,7 @@ class Sweep(msgspec.Struct, frozen=True, eq=False):
     """Detections of scans (S), at any distance, moving ones too, scan by scan."""
 
     placed: Sequence[PlacedScan]
+    scans: Floats  # (S, 12) as kernels.sweeps.Scan has them
     sizes: NDArray[np.int64]  # (S,) detections of each
     scan: NDArray[np.int64]  # (N,) each one's, by its number
     range: Floats  # (N,) m
@@ -33,31 +35,26 @@ class Sweep(msgspec.Struct, frozen=True, eq=False):
     rcs: Floats  # (N,) dBsm
     sigmas: Floats  # (N,) of the range rates from a standing thing's
     near: NDArray[np.bool_]  # (N,) within the mount's range
+    agreeing: tuple[list[int], list[int]]  # (S,) each: how many of a scan's are near, and how many of these fit the car's motion
     newest: EgoState  # of the newest scan
 
     @staticmethod
     def of(placed: Sequence[PlacedScan], noise: GateNoise) -> Sweep:
         """At least one scan."""
-        scans = [one.scan for one in placed]
-        sizes = [len(scan) for scan in scans]
-        count, counts = sum(sizes), np.array(sizes)
+        arrays = [array for one in placed for array in (one.scan.range, one.scan.azimuth, one.scan.range_rate, one.scan.rcs)]
+        sizes = [array.size for array in arrays[::4]]
+        count, counts, fitting = sum(sizes), np.array(sizes), np.empty((2, len(sizes)), np.int64)
         columns, scan, near, sigmas = np.empty((5, count)), np.empty(count, np.int64), np.empty(count, np.bool_), np.empty(count)
-        loops.gathered(
-            [one.range for one in scans],
-            [one.azimuth for one in scans],
-            [one.range_rate for one in scans],
-            [one.rcs for one in scans],
-            np.array([(one.mount.base_from_sensor.yaw, one.mount.max_range) for one in placed]),
-            columns,
-            scan,
-            near,
-        )
+        scans = np.array([_row(one, noise) for one in placed])
+        loops.gathered(arrays, scans, columns, scan, near)
         _, _, ranges, rate, rcs = columns
         (cos, cos_base), (sin, sin_base) = np.cos(columns[:2]), np.sin(columns[:2])
-        rows = np.array([gate_row(one.mount, one.ego.speed, one.ego.yaw_rate, one.scan.ambiguity, noise) for one in placed])
-        loops.deviations(cos_base, sin_base, rate, counts, rows, noise.range_rate, noise.azimuth, noise.speed, sigmas)
+        errors = noise.range_rate, noise.azimuth, noise.speed, noise.sigmas
+        loops.deviations(cos_base, sin_base, rate, near, counts, scans, *errors, sigmas, fitting)
+        asked, standing = fitting.tolist()
         newest = max([one.ego for one in placed], key=_stamp_ns)
-        return Sweep(placed, counts, scan, ranges, (cos, sin), (cos_base, sin_base), rate, rcs, sigmas, near, newest)
+        bearing = cos_base, sin_base
+        return Sweep(placed, scans, counts, scan, ranges, (cos, sin), bearing, rate, rcs, sigmas, near, (asked, standing), newest)
 
     def only(self, which: Sequence[bool], noise: GateNoise) -> Sweep:
         """Of some of the scans, at least one."""
@@ -67,16 +64,32 @@ class Sweep(msgspec.Struct, frozen=True, eq=False):
         """(N,) what is near, and at most so many sigmas off a standing thing."""
         return (self.sigmas <= sigmas) & self.near
 
-    def agreeing(self, sigmas: float) -> tuple[list[int], list[int]]:
-        """(S,) each: how many of a scan's detections are near, and how many of them at most so many sigmas off a standing thing."""
-        found = np.empty((2, len(self.placed)), np.int64)
-        loops.agreeing(self.sizes, self.near, self.sigmas, sigmas, found)
-        near, standing = found.tolist()
-        return near, standing
+    def sensors(self, odom_from_base: SE2) -> tuple[Floats, Floats]:
+        """Where the scans' sensors were: (S, 4) in the base that is there, x, y (m), cosine and sine of their yaw; (S, 3) in odom, x, y and
+        yaw."""
+        count = len(self.scans)
+        in_base, in_odom = np.empty((count, 4)), np.empty((count, 3))
+        loops.sensors(self.scans, *odom_from_base, in_base, in_odom)
+        return in_base, in_odom
 
-    def points(self, sensors: Iterable[tuple[float, float, float]]) -> Floats:
-        """(N, 2) m, in the frame in which the scans' sensors (S) are at x, y (m) and yaw (rad)."""
-        places = np.array([(x, y, math.cos(yaw), math.sin(yaw)) for x, y, yaw in sensors])
-        found = np.empty((len(self.range), 2))
+    def placed_at(self, odom_from_base: SE2) -> tuple[Floats, Floats, Floats, Floats]:
+        """(N, 2) m each: in the base that is there, in odom, and in odom of the sensors that measured them; and those (S, 3), as `sensors`
+        has them."""
+        in_base, in_odom = self.sensors(odom_from_base)
+        found = np.empty((self.range.size, 6))
+        loops.placed(self.range, *self.azimuth, self.sizes, in_base, in_odom, *odom_from_base, found)
+        return found[:, :2], found[:, 2:4], found[:, 4:], in_odom
+
+    def points(self, places: Floats) -> Floats:
+        """(N, 2) m, in the frame in which the scans' sensors are at places (S, 4): x, y (m), cosine and sine of their yaw."""
+        found = np.empty((self.range.size, 2))
         loops.polar(self.range, *self.azimuth, self.sizes, places, found)
         return found
+
+
+def _row(one: PlacedScan, noise: GateNoise) -> tuple[float, ...]:
+    """As kernels.sweeps.Scan has it."""
+    mount, ego = one.mount, one.ego
+    x, y, yaw = mount.base_from_sensor
+    turning = math.hypot(x, y) * noise.yaw_rate
+    return x, y, yaw, mount.max_range, mount.half_fov, ego.speed, ego.yaw_rate, one.scan.ambiguity, turning, *ego.odom_from_base

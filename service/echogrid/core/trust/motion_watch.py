@@ -86,7 +86,7 @@ class SampleWatch:
 
     def patience(self, moves: bool) -> float:
         """With how much of a difference from what the radars see, as a share of what is too much; less while the car moves."""
-        return self.stuck_share if self.is_stuck and moves else 1.0
+        return self.stuck_share if moves and self.is_stuck else 1.0
 
     @property
     def jumped(self) -> bool:
@@ -149,17 +149,21 @@ class MotionWatch:
         step = 0.0 if self._compared_ns is None else min(max(stamp_ns - self._compared_ns, 0) * NS, LONGEST_STEP)
         self._compared_ns = stamp_ns
         share = 1.0 - math.exp(-step / SETTLING)
-        too_much = (OFF_SPEED + OFF_SHARE * abs(speed) if abs(speed) > STANDSTILL else CREEPING, OFF_YAW_RATE)
-        now = ((seen.speed - speed) / too_much[0], (seen.yaw_rate - yaw_rate) / too_much[1])
-        if max(abs(new) for new in now) > MOST and seen.support < BETTER * support:  # two swapped radars can outvote two good ones
+        pace = abs(speed)
+        too_fast = (seen.speed - speed) / (OFF_SPEED + OFF_SHARE * pace if pace > STANDSTILL else CREEPING)
+        too_turned = (seen.yaw_rate - yaw_rate) / OFF_YAW_RATE
+        apart = max(abs(too_fast), abs(too_turned))
+        if apart > MOST and seen.support < BETTER * support:  # two swapped radars can outvote two good ones
             return False
-        agrees = max(abs(new) for new in now) < AGREED
-        if agrees and abs(speed) <= STANDSTILL:
+        agrees = apart < AGREED
+        if agrees and pace <= STANDSTILL:
             self._off, self.disputed = (0.0, 0.0), None
             return False
-        by_speed, by_turning = (old + (max(-MOST, min(new, MOST)) - old) * share for old, new in zip(self._off, now, strict=True))
+        by_speed, by_turning = self._off
+        by_speed += (max(-MOST, min(too_fast, MOST)) - by_speed) * share
+        by_turning += (max(-MOST, min(too_turned, MOST)) - by_turning) * share
         self._off = by_speed, by_turning
-        moves = abs(speed) > MOVING
+        moves = pace > MOVING
         by_speed, by_turning = abs(by_speed) / self.speed.patience(moves), abs(by_turning) / self.yaw_rate.patience(moves)
         worst, turning = max(by_speed, by_turning), by_turning > by_speed
         if worst > 1.0 and not (agrees and self.disputed is not None):
@@ -169,7 +173,7 @@ class MotionWatch:
             self.disputed = f"{watch.name}: {verb} {says:.2f} {watch.unit}, the radars measure {measured:.2f} {watch.unit}"
         elif worst < AGREED:
             self.disputed = None
-        return max(abs(new) for new in now) > 1.0
+        return apart > 1.0
 
     def restart(self) -> None:
         """Forgets all that has a time."""

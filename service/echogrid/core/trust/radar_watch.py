@@ -27,6 +27,7 @@ WILD = 0.1  # share of its detections that cannot be true
 BEYOND_VIEW, FASTEST_RATE = 0.1, 75.0  # rad outside its field of view, m/s: what is beyond no radar sees, and no road
 AGE_SHIFT = 0.06  # s off the usual age of its scans: they are not from when they say
 EVIDENCE = 50.0  # detections, fading, before a share of them is judged
+OF_A_SCAN = ("frozen", "blocked", "shifted", "lags")  # doubts that a scan alone begins and ends
 LOSSES = {
     "incomplete": "incomplete scans",
     "late": "late scans",
@@ -62,7 +63,7 @@ class RadarWatch:
         self._last: RadarScan | None = None
         self._repeated = 0
         self._watched = 0.0  # s
-        self._usual_age = math.nan
+        self._usual_age: float | None = None
         self._usual_lag: float | None = None
         self._usual_count = self._count = 0.0
         self._wild = 0.0  # share of its detections of late that cannot be true
@@ -103,44 +104,48 @@ class RadarWatch:
 
     def look(self, scan: RadarScan, speed: float) -> None:
         """A scan that was placed, with its detections at any distance, and the car's speed."""
-        step = 0.0 if self._last is None else min(max((scan.stamp_ns - self._last.stamp_ns) * NS, 0.0), LONGEST_STEP)
-        self.doubt("frozen", "frozen: it repeats one scan while the car moves" if self._is_frozen(scan, speed) else None)
-        self.doubt("blocked", f"blocked: it says so itself ({scan.blockage:.0%})" if scan.blockage >= BLIND else None)
+        step = 0.0 if self._last is None else min((scan.stamp_ns - self._last.stamp_ns) * NS, LONGEST_STEP)
+        found = dict[str, str]()
+        if self._is_frozen(scan, speed):
+            found["frozen"] = "frozen: it repeats one scan while the car moves"
+        if scan.blockage >= BLIND:
+            found["blocked"] = f"blocked: it says so itself ({scan.blockage:.0%})"
         age = (scan.received_ns - scan.stamp_ns) * NS
-        off = 0.0 if math.isnan(self._usual_age) else age - self._usual_age
-        late = f"are {abs(off) * 1e3:.0f} ms {'older' if off > 0 else 'younger'} than usual" if abs(off) > AGE_SHIFT else None
-        self.doubt("shifted", late and f"shifted in time: its scans {late}")
+        off = 0.0 if self._usual_age is None else age - self._usual_age
+        if not -AGE_SHIFT <= off <= AGE_SHIFT:
+            found["shifted"] = f"shifted in time: its scans are {abs(off) * 1e3:.0f} ms {'older' if off > 0 else 'younger'} than usual"
         self._usual_lag = scan.lag if self._usual_lag is None else self._usual_lag
         lag = scan.lag - self._usual_lag
         self._usual_lag += lag * step / FORGIVEN  # a sender that restarted is trusted again after a while
-        late = f"come {abs(lag) * 1e3:.0f} ms {'later' if lag > 0 else 'earlier'} than their counter says" if abs(lag) > AGE_SHIFT else None
-        self.doubt("lags", late and f"shifted in time: its scans {late}")
+        if not -AGE_SHIFT <= lag <= AGE_SHIFT:
+            late = f"{abs(lag) * 1e3:.0f} ms {'later' if lag > 0 else 'earlier'}"
+            found["lags"] = f"shifted in time: its scans come {late} than their counter says"
+        if found or self.doubts:
+            for fault in OF_A_SCAN:
+                self.doubt(fault, found.get(fault))
         self._last = scan
         self._watched += step
-        usual = step / min(max(self._watched, step, 1e-3), USUAL)  # a plain mean at first
-        if "shifted" not in self.doubts:
-            self._usual_age = age if math.isnan(self._usual_age) else self._usual_age + off * usual
+        usual = step / min(max(self._watched, 1e-3), USUAL)  # a plain mean at first
+        if "shifted" not in found:
+            self._usual_age = age if self._usual_age is None else self._usual_age + off * usual
         possible = self._possible(scan)
         self._count += (possible - self._count) * (1.0 - math.exp(-step / SHORT))
         if "blind" not in self.doubts:
             self._usual_count += (possible - self._usual_count) * usual
         self.sees = self._count / self._usual_count if self._watched > SETTLED and self._usual_count > 1.0 else 1.0
 
-    def agree(self, agreeing: int, asked: int, step: float) -> None:
-        """So many of the detections fit ego motion, at a speed at which a wrong mount shows; `step` s after the last."""
-        fading = math.exp(-step / AGREEING)
+    def agree(self, agreeing: int, asked: int, fading: float) -> float | None:
+        """So many of the detections fit ego motion, at a speed at which a wrong mount shows; those before count `fading` times.
+
+        Returns the share of the last seconds' that do; None before there were enough."""
         self._agreeing = self._agreeing * fading + agreeing
         self._asked = self._asked * fading + asked
+        return self._agreeing / self._asked if self._asked > EVIDENCE else None
 
     @property
     def usual(self) -> float:
         """Detections of a scan."""
         return self._usual_count
-
-    @property
-    def agreement(self) -> float | None:
-        """Share of the last seconds' detections that fit ego motion; None before there were enough."""
-        return self._agreeing / self._asked if self._asked > EVIDENCE else None
 
     def reasons(self, now_ns: int) -> list[str]:
         """Sentences on what is wrong with it; empty where all is well."""
@@ -173,10 +178,12 @@ class RadarWatch:
 
     def _is_frozen(self, scan: RadarScan, speed: float) -> bool:
         last = self._last
-        equal = last is not None and all(
-            getattr(scan, key).tobytes() == getattr(last, key).tobytes() for key in ("range", "azimuth", "range_rate")
-        )
-        if not equal:
+        if (
+            last is None
+            or scan.range.tobytes() != last.range.tobytes()
+            or scan.azimuth.tobytes() != last.azimuth.tobytes()
+            or scan.range_rate.tobytes() != last.range_rate.tobytes()
+        ):
             self._repeated = 0
         elif abs(speed) > MOVING:
             self._repeated += len(scan)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import numpy as np
 
 from echogrid.core.health import SensorHealth
 from echogrid.core.messages import Floats
+from echogrid.core.motion.se2 import IDENTITY
 from echogrid.core.radar.doppler_motion import doppler_motion
 from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
@@ -20,7 +22,7 @@ from echogrid.core.radar.static_gate import GateNoise
 from echogrid.core.radar.sweep import Sweep
 from echogrid.core.trust.motion_watch import MotionWatch
 from echogrid.core.trust.mount_check import other_mount
-from echogrid.core.trust.radar_watch import FAST, LONGEST_STEP, NS, RadarWatch
+from echogrid.core.trust.radar_watch import AGREEING, FAST, LONGEST_STEP, NS, RadarWatch
 
 STALE_NS = 1_000_000_000  # without a map update
 QUIET_NS = 500_000_000  # without anything at all
@@ -67,7 +69,7 @@ class Watch:
             self.radars[one.scan.sensor].look(one.scan, one.ego.speed)
         step = 0.0 if self._judged_ns is None else min(max((newest.stamp_ns - self._judged_ns) * NS, 0.0), LONGEST_STEP)
         self._judged_ns = newest.stamp_ns
-        asked, standing = sweep.agreeing(self.noise.sigmas)
+        asked, standing = sweep.agreeing
         are_trusted = [not self.radars[one.scan.sensor].doubts for one in sweep.placed]
         are_trusted = are_trusted if any(are_trusted) else [True] * len(are_trusted)
         support = sum(compress(standing, are_trusted)) / max(sum(compress(asked, are_trusted)), 1)
@@ -78,15 +80,16 @@ class Watch:
         self._remember(sweep)
 
     def _compare_with_motion(self, sweep: Sweep, standing: Sequence[int], asked: Sequence[int], step: float) -> None:
-        """`standing` of the `asked` detections of each scan fit ego motion."""
+        """`standing` of the `asked` detections of each scan fit ego motion, `step` s after the last."""
+        fading = math.exp(-step / AGREEING)
         for one, fitting, count in zip(sweep.placed, standing, asked, strict=True):
-            if abs(one.ego.speed) < FAST:
+            if -FAST < one.ego.speed < FAST:
                 continue
             radar = self.radars[one.scan.sensor]
-            radar.agree(fitting, count, step)
-            share = radar.agreement
+            share = radar.agree(fitting, count, fading)
             if share is not None and share >= FINE:
-                radar.doubt("odd", None)
+                if radar.doubts:
+                    radar.doubt("odd", None)
             elif share is not None and share < ODD:
                 self._ask_for_another_mount(radar, one, share)
 
@@ -106,7 +109,8 @@ class Watch:
             radar = self.radars[one.scan.sensor]
             if radar.sees > ENOUGH:
                 radar.missed = 0.0
-                radar.doubt("blind", None)
+                if radar.doubts:
+                    radar.doubt("blind", None)
                 continue
             others = [other.sees for name, other in self.radars.items() if name != one.scan.sensor]
             if radar.sees < FEW and others and median(others) > OTHERS:
@@ -125,8 +129,8 @@ class Watch:
 
     def _static(self, sweep: Sweep) -> Floats:
         """(N, 2) m in odom, where static detections lie."""
-        sensors = [one.ego.odom_from_base @ one.mount.base_from_sensor for one in sweep.placed]
-        return sweep.points(sensors)[sweep.stands(self.noise.sigmas)]
+        in_odom, _ = sweep.sensors(IDENTITY)
+        return sweep.points(in_odom)[sweep.stands(self.noise.sigmas)]
 
     def _remember(self, sweep: Sweep) -> None:
         self._known.append(sweep)
