@@ -78,6 +78,13 @@ def sensors(random: Random, size: int) -> list[Any]:
     return [scans(random, count), *(random.uniform(-99, 99, 3) * random.integers(0, 2, 3)), np.empty((count, 4)), np.empty((count, 3))]
 
 
+def recalled(random: Random, size: int) -> list[Any]:
+    count, travelled, update = size % 7, random.uniform(0, 99, size), random.integers(0, 1 << 40, size).astype(float)
+    kept = points(random, size, 50, 0.25), points(random, size, 50, 0.25), travelled, update, random.uniform(-99, 99, (count, 3))
+    written = np.empty((2, size, 2)), np.empty(size), np.empty(size, np.int64), np.empty((count, 3))
+    return [*kept, *random.uniform(-99, 99, 4), *written]
+
+
 def deviations(random: Random, size: int) -> list[Any]:
     bearing, of_each = random.uniform(-4, 4, size), sizes(random, size)
     rate, near, written = random.normal(0, 20, size), random.random(size) < 0.8, (np.empty(size), np.ones((2, len(of_each)), np.int64))
@@ -332,6 +339,7 @@ CASES: dict[str, Callable[[Random, int], list[Any]]] = {
             polar,
             placed,
             sensors,
+            recalled,
             deviations,
             draw_now,
             draw_past,

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from echogrid.core.kernels.dispatch import loops
 from echogrid.core.messages import Floats
 from echogrid.core.motion.se2 import SE2
 from echogrid.core.radar.mount import Mount
@@ -81,10 +82,11 @@ class History:
 
     def add(self, detections: Detections, looks: Looks, distance: float) -> None:
         """What the update at `distance` (m, travelled) saw, in odom."""
+        more, scans = len(detections.points), len(looks.place)
         seen = (detections.points, detections.origins, detections.rcs, detections.deviation)
-        self._detections.add(len(detections), *seen, distance, self.updates)
-        self._looks.add(len(looks.place), looks.place, looks.half_fov, looks.max_range)
-        self._entries.append((distance, len(detections), len(looks.place)))
+        self._detections.add(more, *seen, distance, self.updates)
+        self._looks.add(scans, looks.place, looks.half_fov, looks.max_range)
+        self._entries.append((distance, more, scans))
         self.updates += 1
         while self._entries[0][0] < distance - LENGTH or len(self._entries) > MOST_UPDATES:
             _, fewer, less = self._entries.popleft()
@@ -93,17 +95,20 @@ class History:
 
     def surroundings(self, odom_from_base: SE2, live: Sequence[str]) -> Surroundings:
         """As seen from the pose of the update added last. At least one must have been added."""
-        base_from_odom = odom_from_base.inverse()
         distance, count, _ = self._entries[-1]
-        points, origins, rcs, deviation, travelled, update = self._detections.rows()
-        past = Detections(base_from_odom.apply(points), base_from_odom.apply(origins), rcs.copy(), deviation.copy())
-        newest = slice(len(past) - count, None)
+        *there, rcs, deviation, travelled, update = self._detections.rows()
+        sensors, half_fov, max_range = self._looks.rows()
+        size = len(rcs)
+        places, age, numbers, place = np.empty((2, size, 2)), np.empty(size), np.empty(size, np.int64), np.empty(sensors.shape)
+        loops.recalled(*there, travelled, update, sensors, *odom_from_base, distance, places, age, numbers, place)
+        past = Detections(places[0], places[1], rcs.copy(), deviation.copy())
+        newest = slice(size - count, None)
         return Surroundings(
             now=Detections(past.points[newest], past.origins[newest], past.rcs[newest], past.deviation[newest]),
             past=past,
-            age=distance - travelled,
-            update=update.astype(np.int64),
-            looks=Looks(*(rows.copy() for rows in self._looks.rows())).moved(base_from_odom),
+            age=age,
+            update=numbers,
+            looks=Looks(place, half_fov.copy(), max_range.copy()),
             live=live,
         )
 
@@ -113,15 +118,17 @@ class _Rows:
 
     def __init__(self, *widths: tuple[int, ...]) -> None:
         self._arrays = [np.empty((256, *width)) for width in widths]
+        self._room = 256
         self._begin = self._end = 0
 
     def add(self, more: int, *arrays: Floats | float) -> None:
         """So many rows behind the last; a number stands in all of them."""
-        if self._end + more > len(self._arrays[0]):
+        if self._end + more > self._room:
             kept = [rows.copy() for rows in self.rows()]
             self._begin, self._end = 0, len(kept[0])
-            if 2 * (self._end + more) > len(self._arrays[0]):
-                self._arrays = [np.empty((2 * (self._end + more), *old.shape[1:])) for old in kept]
+            if 2 * (self._end + more) > self._room:
+                self._room = 2 * (self._end + more)
+                self._arrays = [np.empty((self._room, *old.shape[1:])) for old in kept]
             for array, old in zip(self._arrays, kept, strict=True):
                 array[: self._end] = old
         for array, new in zip(self._arrays, arrays, strict=True):

@@ -1026,7 +1026,7 @@ static PyMethodDef methods[] = {
     ENTRY(note_views), ENTRY(add_looks), ENTRY(elfes),    ENTRY(look),        ENTRY(add_measured), ENTRY(usual),
     ENTRY(signals),   ENTRY(quantities), ENTRY(fold), ENTRY(odds), ENTRY(beside), ENTRY(common_motion),
     ENTRY(read_out),  ENTRY(percent), ENTRY(differing),
-    ENTRY(gathered), ENTRY(gated), ENTRY(possible), ENTRY(nearby), ENTRY(leanings),
+    ENTRY(gathered), ENTRY(recalled), ENTRY(gated), ENTRY(possible), ENTRY(nearby), ENTRY(leanings),
     ENTRY(candump_lines), ENTRY(asc_lines), ENTRY(trc_lines), ENTRY(csv_lines), ENTRY(blf_objects), ENTRY(assemble), ENTRY(identify), ENTRY(can_frames), ENTRY(join_frames),
     {NULL, NULL, 0, NULL},
 };

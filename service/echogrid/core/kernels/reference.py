@@ -57,6 +57,7 @@ from echogrid.core.kernels.sweeps import nearby as nearby
 from echogrid.core.kernels.sweeps import placed as placed
 from echogrid.core.kernels.sweeps import polar as polar
 from echogrid.core.kernels.sweeps import possible as possible
+from echogrid.core.kernels.sweeps import recalled as recalled
 from echogrid.core.kernels.sweeps import sensors as sensors
 from echogrid.core.kernels.tiles import add_clamped as add_clamped
 from echogrid.core.kernels.tiles import add_looks as add_looks

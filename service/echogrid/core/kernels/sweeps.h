@@ -109,13 +109,19 @@ static Pose joined(Pose a_from_b, const double *b_from_c) {
     return (Pose){a_from_b.x + c * b_from_c[0] - s * b_from_c[1], a_from_b.y + s * b_from_c[0] + c * b_from_c[1], a_from_b.yaw + b_from_c[2]};
 }
 
+/* b_from_a. */
+static Pose inverse(Pose pose) {
+    double c = cos(pose.yaw), s = sin(pose.yaw);
+    return (Pose){-c * pose.x - s * pose.y, s * pose.x - c * pose.y, -pose.yaw};
+}
+
 KERNEL(sensors) {
     TAKE("d2xxxd2!d2!");
     Py_ssize_t scans = LENGTH(0, 0);
     if (!sized(&given, LENGTH(0, 1) == SCAN_VALUES && LENGTH(1, 0) == scans && LENGTH(1, 1) == 4 && LENGTH(2, 0) == scans && LENGTH(2, 1) == 3))
         return NULL;
     double x = given.number[0], y = given.number[1], yaw = given.number[2], c = cos(yaw), s = sin(yaw);
-    const Pose base_from_odom = {-c * x - s * y, s * x - c * y, -yaw};
+    const Pose base_from_odom = inverse((Pose){x, y, yaw});
     for (Py_ssize_t n = 0; n < scans; n++) {
         const double *scan = ROW(double, 0, n);
         double *in_base = ROW(double, 1, n), *in_odom = ROW(double, 2, n);
@@ -127,6 +133,38 @@ KERNEL(sensors) {
         in_odom[0] = c * there.x - s * there.y + x;
         in_odom[1] = s * there.x + c * there.y + y;
         in_odom[2] = there.yaw + yaw;
+    }
+    return done(&given);
+}
+
+KERNEL(recalled) {
+    TAKE("d2d2d1d1d2xxxxd3!d1!l1!d2!");
+    Py_ssize_t size = LENGTH(0, 0), scans = LENGTH(4, 0);
+    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && LENGTH(1, 1) == 2 && LENGTH(2, 0) == size && LENGTH(3, 0) == size && LENGTH(4, 1) == 3 &&
+                           LENGTH(5, 0) == 2 && LENGTH(5, 1) == size && LENGTH(5, 2) == 2 && LENGTH(6, 0) == size && LENGTH(7, 0) == size &&
+                           LENGTH(8, 0) == scans && LENGTH(8, 1) == 3))
+        return NULL;
+    const Pose base_from_odom = inverse((Pose){given.number[0], given.number[1], given.number[2]});
+    const double *travelled = ARRAY(2)->buf, *update = ARRAY(3)->buf, distance = given.number[3];
+    double *age = ARRAY(6)->buf, c = cos(base_from_odom.yaw), s = sin(base_from_odom.yaw), x = base_from_odom.x, y = base_from_odom.y;
+    int64_t *numbers = ARRAY(7)->buf;
+    for (int k = 0; k < 2; k++)
+        for (Py_ssize_t n = 0; n < size; n++) {
+            const double *there = ROW(double, k, n);
+            double *here = ROW3(double, 5, k, n);
+            here[0] = c * there[0] - s * there[1] + x;
+            here[1] = s * there[0] + c * there[1] + y;
+        }
+    for (Py_ssize_t n = 0; n < size; n++) {
+        age[n] = distance - travelled[n];
+        numbers[n] = (int64_t)update[n];
+    }
+    for (Py_ssize_t n = 0; n < scans; n++) {
+        const double *there = ROW(double, 4, n);
+        double *here = ROW(double, 8, n);
+        here[0] = c * there[0] - s * there[1] + x;
+        here[1] = s * there[0] + c * there[1] + y;
+        here[2] = there[2] + base_from_odom.yaw;
     }
     return done(&given);
 }

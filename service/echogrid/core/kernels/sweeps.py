@@ -91,6 +91,35 @@ def sensors(scans: Floats, x: float, y: float, yaw: float, in_base: Floats, in_o
         odom[:] = c * there[0] - s * there[1] + x, s * there[0] + c * there[1] + y, there[2] + yaw
 
 
+def recalled(
+    points: Floats,
+    origins: Floats,
+    travelled: Floats,
+    update: Floats,
+    sensors: Floats,
+    x: float,
+    y: float,
+    yaw: float,
+    distance: float,
+    places: Floats,
+    age: Floats,
+    numbers: Integers,
+    looks: Floats,
+) -> None:
+    """What is remembered in odom, for a car that is at x, y and yaw there after `distance` m of way: `places` (2, N, 2) of points and
+    origins (N, 2) in its base, `age` (N,) since they were measured at `travelled` (N,), `numbers` (N,) of their `update` (N,); and `looks`
+    (S, 3) of sensors (S, 3): x, y and yaw."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    u, v, turn = -c * x - s * y, s * x - c * y, -yaw
+    c, s = math.cos(turn), math.sin(turn)
+    for there, here in zip((points, origins, sensors), (*places, looks), strict=True):
+        here[:, 0] = c * there[:, 0] - s * there[:, 1] + u
+        here[:, 1] = s * there[:, 0] + c * there[:, 1] + v
+    looks[:, 2] = sensors[:, 2] + turn
+    age[:] = distance - travelled
+    numbers[:] = update
+
+
 def _joined(a_from_b: Sequence[float], b_from_c: Sequence[float]) -> tuple[float, float, float]:
     """As SE2 does it."""
     (x, y, yaw), (u, v, turn) = a_from_b, b_from_c

@@ -64,7 +64,7 @@ class Measurement:
         cells = self._size**2
         self._inside = np.empty(cells, np.int32)
         self._hits, self._near, self._passes = (np.empty(cells, np.float32) for _ in range(3))
-        self._radars = np.empty(cells, np.uint16)
+        self._radars, self._nowhere = np.empty(cells, np.uint16), np.zeros(cells, np.bool_)
         self._hit, self._marks, self._numbers = np.empty(cells, np.float32), np.zeros(cells, np.uint8), np.zeros(cells, np.uint32)
         self._touched = np.empty((cells, 32), np.uint8)  # memory only as far as looks have needed it
         self.begin(SE2(0.0, 0.0, 0.0))
@@ -109,9 +109,8 @@ class Measurement:
             self._passes,
             self._radars,
         )
-        some = slice(int(begins[-1]))
-        nothing = np.zeros(some.stop, np.bool_)
-        hits, near, passes = self._hits[some], self._near[some], self._passes[some]
+        some = slice(begins[-1])
+        nothing, hits, near, passes = self._nowhere[some], self._hits[some], self._near[some], self._passes[some]
         return Change(self._under, begins, self._inside[some], hits, near, passes, nothing, nothing, self._radars[some])
 
     def stand(self, beams: Beams, seconds: float) -> Change:

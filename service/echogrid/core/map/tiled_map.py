@@ -171,19 +171,25 @@ class TiledMap(ABC):
 
     def _changed(self, keys: Sequence[TileKey]) -> list[Tile]:
         """Tiles that are about to be changed, which stay together until then."""
-        room = max(self.max_tiles, len(keys))
-        tiles = [self._used(key, room) or self._keep(key, Tile.empty(self.layers), room) for key in keys]
+        room, tiles = max(self.max_tiles, len(keys)), self.tiles
+        for key in keys:
+            if (tile := tiles.pop(key, None)) is None:
+                tile = self._fetched(key, room) or self._keep(key, Tile.empty(self.layers), room)
+            tiles[key] = tile
         self.dirty.update(keys)
-        return tiles
+        return [tiles[key] for key in keys]
 
-    def _used(self, key: TileKey, room: int | None = None) -> Tile | None:
-        """A tile, from the shelf where it is there, as the most recently used one. None where there is none. `room` as in `_keep`."""
-        tile = self.tiles.pop(key, None)
-        if tile is not None:
-            self.tiles[key] = tile
-        elif self.shelf is not None and (tile := self.shelf.load(key)) is not None:
-            self._keep(key, tile, room or self.max_tiles)
+    def _used(self, key: TileKey) -> Tile | None:
+        """A tile, from the shelf where it is there, as the most recently used one. None where there is none."""
+        if (tile := self.tiles.pop(key, None)) is None:
+            return self._fetched(key, self.max_tiles)
+        self.tiles[key] = tile
         return tile
+
+    def _fetched(self, key: TileKey, room: int) -> Tile | None:
+        """From the shelf; None where it is not there. `room` as in `_keep`."""
+        tile = None if self.shelf is None else self.shelf.load(key)
+        return None if tile is None else self._keep(key, tile, room)
 
     def _keep(self, key: TileKey, tile: Tile, room: int) -> Tile:
         """Keeps a tile as the most recently used one, of at most `room`."""

@@ -34,10 +34,10 @@ class DopplerErrors:
 
     def add(self, placed: Sequence[PlacedScan], errors: ErrorFilter, noise: GateNoise) -> None:
         """One cycle's scans of trusted radars."""
-        moving = [one for one in placed if abs(one.ego.speed) >= SLOWEST and len(one.scan) >= LEAST]
+        moving = [one for one in placed if not -SLOWEST < one.ego.speed < SLOWEST and one.scan.range.size >= LEAST]
         if not moving or errors.learns != "driving":
             return
-        newest_ns = max(one.ego.stamp_ns for one in moving)
+        newest_ns = max([one.ego.stamp_ns for one in moving])
         if self._newest_ns is not None and newest_ns - self._newest_ns < PERIOD_NS:
             return
         self._newest_ns = newest_ns
@@ -67,7 +67,7 @@ def equations(one: PlacedScan, errors: ErrorFilter, noise: GateNoise) -> tuple[F
     rows = rows_of(errors, scan.sensor)
     scale, bias, turn_scale, delay, yaw, stretch, rate = errors.mean[rows].tolist()
     wheels, gyro = ego.speed / (1.0 + errors.scale), ego.yaw_rate + errors.bias
-    bearing, count = scan.azimuth * (1.0 + stretch) + (place.yaw + yaw), len(scan)
+    bearing, count = scan.azimuth * (1.0 + stretch) + (place.yaw + yaw), scan.range.size
     slope, left, weight = np.empty((count, len(rows))), np.empty(count), np.empty(count)
     loops.leanings(
         *(np.cos(bearing), np.sin(bearing), scan.azimuth, scan.range_rate, place.x, place.y, wheels, gyro),

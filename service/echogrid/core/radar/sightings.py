@@ -86,7 +86,7 @@ def look(sweeps: Sequence[tuple[Sweep, Turned]], numbers: Mapping[str, int], noi
     along, across = RANGE_NOISE**2 + EXTENT**2, (AZIMUTH_NOISE * far) ** 2 + EXTENT**2
     c, s = arm.real / far, arm.imag / far
     covariance = np.stack((along * c * c + across * s * s, (along - across) * c * s, along * s * s + across * c * c))
-    return Look(max(one.ego.stamp_ns for one in placed), car, so_far, origin + arm, arm, covariance, radar)
+    return Look(max([one.ego.stamp_ns for one in placed]), car, so_far, origin + arm, arm, covariance, radar)
 
 
 def pairs(looks: Sequence[Look], new: int) -> Pairs:
