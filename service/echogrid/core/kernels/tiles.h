@@ -14,6 +14,12 @@ WIDE static void place_row(const float *dx, Py_ssize_t width, float dy, float c,
     }
 }
 
+/* From where until before where a row lies inside, which is in one stretch: from cell to cell both places rise, or fall, all the way. */
+static void inside_of(const int32_t *flat, int64_t width, int64_t *begin, int64_t *end) {
+    for (*begin = 0; *begin < width && flat[*begin] < 0;) ++*begin;
+    for (*end = width; *end > *begin && flat[*end - 1] < 0;) --*end;
+}
+
 /* A rectangle of map cells around the car, and how the patch lies on it. */
 typedef struct {
     int64_t row, column, height, width; /* of the map */
@@ -166,31 +172,45 @@ KERNEL(note_views) {
     return done(&given);
 }
 
-/* A weighted log-odds and its weight, side by side: one is what is done with both. */
-typedef float Pair __attribute__((vector_size(8)));
-
-/* Patch cells by their four neighbours; 0 outside. */
-WIDE static void blend_row(const Pair *padded, Py_ssize_t across, const int32_t *flat, const float *fu, const float *fv, Py_ssize_t width, float *more,
-                      float *heavier) {
+/* A weighted log-odds and its weight, side by side, of a row of a patch. */
+WIDE static void weigh_row(const float *log_odds, const float *weight, Py_ssize_t width, float share, float *restrict pairs) {
     for (Py_ssize_t j = 0; j < width; j++) {
-        more[j] = heavier[j] = 0;
-        if (flat[j] < 0) continue;
-        const Pair *lower = padded + flat[j], *upper = lower + across;
-        float right = fu[j], left = 1 - right, above = fv[j], below = 1 - above;
-        Pair found = (lower[0] * left + lower[1] * right) * below + (upper[0] * left + upper[1] * right) * above;
-        more[j] = found[0];
-        heavier[j] = found[1];
+        pairs[2 * j] = log_odds[j] * weight[j] * share;
+        pairs[2 * j + 1] = weight[j] * share;
     }
 }
 
-/* Adds to a row of sums and weights, and shrinks both where the weight exceeds `most`. */
-WIDE static void add_row(const float *more, const float *heavier, Py_ssize_t width, float most, float *total, float *weight) {
-    for (Py_ssize_t j = 0; j < width; j++) {
-        float w = weight[j] + heavier[j], sum = total[j] + more[j];
+/* Adds to a row of sums and weights the patch cells' by their four neighbours, and shrinks both where the weight exceeds `most`. A cell's
+ * pair is fetched at once with its right neighbour's. */
+WIDE static void add_row(const float *padded, Py_ssize_t across, const int32_t *flat, const float *fu, const float *fv, int64_t width, float most,
+                         float *restrict total, float *restrict weight) {
+    float lower[4 * SIDE], upper[4 * SIDE];
+    for (int64_t j = 0; j < width; j++) {
+        memcpy(lower + 4 * j, padded + 2 * flat[j], 16);
+        memcpy(upper + 4 * j, padded + 2 * (flat[j] + across), 16);
+    }
+    for (int64_t j = 0; j < width; j++) {
+        const float *one = lower + 4 * j, *other = upper + 4 * j;
+        float right = fu[j], left = 1 - right, above = fv[j], below = 1 - above;
+        float more = (one[0] * left + one[2] * right) * below + (other[0] * left + other[2] * right) * above;
+        float heavier = (one[1] * left + one[3] * right) * below + (other[1] * left + other[3] * right) * above;
+        float w = weight[j] + heavier, sum = total[j] + more;
         float kept = most / (w > 1 ? w : 1);
         kept = kept < 1 ? kept : 1;
         total[j] = sum * kept;
         weight[j] = w * kept;
+    }
+}
+
+/* What `add_row` does where nothing is added: next to always nothing. */
+WIDE static void shrink_row(int64_t width, float most, float *restrict total, float *restrict weight) {
+    int over = 0;
+    for (int64_t j = 0; j < width; j++) over |= weight[j] > most;
+    for (int64_t j = 0; over && j < width; j++) {
+        float kept = most / (weight[j] > 1 ? weight[j] : 1);
+        kept = kept < 1 ? kept : 1;
+        total[j] *= kept;
+        weight[j] *= kept;
     }
 }
 
@@ -199,28 +219,26 @@ KERNEL(add_looks) {
     Py_ssize_t cells = LENGTH(0, 1), tiles = LENGTH(1, 0), across = cells + 2;
     if (!sized(&given, LENGTH(0, 0) == 2 && LENGTH(0, 2) == cells && LENGTH(1, 1) == 2 && tiles_fit(&given.list[0], tiles, 2))) return NULL;
     const Lies lies = lies_of(given.number + 1);
-    float share = (float)given.number[0], most = (float)given.number[11], dx[SIDE], fu[SIDE], fv[SIDE], more[SIDE], heavier[SIDE];
+    float share = (float)given.number[0], most = (float)given.number[11], dx[SIDE], fu[SIDE], fv[SIDE];
     int32_t flat[SIDE];
-    Pair *padded = calloc(across * across, sizeof *padded);
+    float *padded = calloc(across * across, 2 * sizeof *padded);
     if (padded == NULL) {
         drop(&given);
         return PyErr_NoMemory();
     }
     Py_BEGIN_ALLOW_THREADS;
-    for (Py_ssize_t i = 0; i < cells; i++) {
-        const float *log_odds = ROW3(float, 0, 0, i), *weight = ROW3(float, 0, 1, i);
-        for (Py_ssize_t j = 0; j < cells; j++) {
-            padded[(i + 1) * across + j + 1] = (Pair){log_odds[j] * weight[j] * share, weight[j] * share};
-        }
-    }
+    for (Py_ssize_t i = 0; i < cells; i++) weigh_row(ROW3(float, 0, 0, i), ROW3(float, 0, 1, i), cells, share, padded + 2 * ((i + 1) * across + 1));
     for (Py_ssize_t t = 0; t < tiles; t++) {
         const Piece piece = piece_of(ROW(int64_t, 1, t), &lies);
         for (int64_t j = 0; j < piece.width; j++) dx[j] = from_car(piece.map_column + j, lies.cell, lies.x);
         for (int64_t i = 0; i < piece.height; i++) {
-            int64_t first = (piece.row + i) * SIDE + piece.column;
+            int64_t first = (piece.row + i) * SIDE + piece.column, begin, end;
+            float *total = LAYER(0, t, 0) + first, *weight = LAYER(0, t, 1) + first;
             place_row(dx, piece.width, from_car(piece.map_row + i, lies.cell, lies.y), lies.c, lies.s, lies.shift, (int32_t)cells, flat, fu, fv);
-            blend_row(padded, across, flat, fu, fv, piece.width, more, heavier);
-            add_row(more, heavier, piece.width, most, LAYER(0, t, 0) + first, LAYER(0, t, 1) + first);
+            inside_of(flat, piece.width, &begin, &end);
+            shrink_row(begin, most, total, weight);
+            add_row(padded, across, flat + begin, fu + begin, fv + begin, end - begin, most, total + begin, weight + begin);
+            shrink_row(piece.width - end, most, total + end, weight + end);
         }
     }
     Py_END_ALLOW_THREADS;
@@ -242,6 +260,7 @@ KERNEL(add_measured) {
     const uint8_t *arrived = ARRAY(5)->buf, *left = ARRAY(6)->buf;
     const uint16_t *who = ARRAY(7)->buf;
     float gone = (float)given.number[1], most = (float)given.number[2];
+    uint32_t now = (uint32_t)given.number[0];
     for (Py_ssize_t t = 0; t < tiles; t++) {
         float *hit = LAYER(0, t, 2), *beside = LAYER(0, t, 3), *passed = LAYER(0, t, 4);
         uint16_t *radars = TILE(uint16_t, 1, t);
@@ -258,23 +277,20 @@ KERNEL(add_measured) {
             }
             if (who[n]) {
                 radars[at] |= who[n];
-                seen[at] = (uint32_t)given.number[0];
+                seen[at] = now;
             }
-            if (arrived[n]) passed[at] = 0;
+            float hit_here = hit[at], near_here = beside[at], passed_here = arrived[n] ? 0 : passed[at];
             if (left[n]) {
-                hit[at] = beside[at] = 0;
-                passed[at] = passed[at] > gone ? passed[at] : gone;
+                hit_here = near_here = 0;
+                passed_here = passed_here > gone ? passed_here : gone;
             }
-            hit[at] += hits[n];
-            beside[at] += near[n];
-            passed[at] += passes[n];
-            float total = hit[at] + passed[at];
-            if (total > most) {
-                float kept = most / total;
-                hit[at] *= kept;
-                beside[at] *= kept;
-                passed[at] *= kept;
-            }
+            hit_here += hits[n];
+            near_here += near[n];
+            passed_here += passes[n];
+            float total = hit_here + passed_here, kept = total > most ? most / total : 1;
+            hit[at] = hit_here * kept;
+            beside[at] = near_here * kept;
+            passed[at] = passed_here * kept;
         }
     }
     return done(&given);
