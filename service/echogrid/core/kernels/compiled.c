@@ -611,12 +611,16 @@ KERNEL(look) {
         while (points > 0 && !(step + (double)(points - 1) * step < limit)) points--;
         while (step + (double)points * step < limit) points++;
         along_beam(points, origin, direction, step, &window, way);
-        for (Py_ssize_t k = 0; k < points; k++) __builtin_prefetch(&numbers[way[k] < 0 ? 0 : way[k]], 1);
+        Py_ssize_t passed = 0; /* different cells: how many points lie in one, no branch can foresee */
         for (Py_ssize_t k = 0; k < points; k++) {
             int32_t at = way[k];
-            if (at < 0 || at == before) continue;
+            way[passed] = at;
+            passed += (at >= 0) & (at != before);
             before = at;
-            Touched *found = touch(&look, at);
+        }
+        for (Py_ssize_t k = 0; k < passed; k++) __builtin_prefetch(&numbers[way[k]], 1);
+        for (Py_ssize_t k = 0; k < passed; k++) {
+            Touched *found = touch(&look, way[k]);
             found->who |= radars[n];
             found->crossed = 1;
         }
