@@ -173,7 +173,7 @@ def look(random: Random, size: int, side: int = 60) -> list[Any]:
     middle = np.array((column + side / 2, row + side / 2)) * 0.25
     origins, ends = points(random, size, 2, 0.25) + middle, points(random, size, 8, 0.25) + middle
     away = ends - origins
-    distance = np.hypot(*away.T)
+    distance, bearing = np.hypot(*away.T), np.arctan2(away[:, 1], away[:, 0])[:, None] + random.normal(0, 0.1, (size, rays))
     hit, marks = random.choice([0.0, 0.3, 0.9], side**2).astype(np.float32), random.integers(0, 8, side**2).astype(np.uint8)
     tiles = np.prod([(first + side - 1) // SIDE - first // SIDE + 1 for first in (row, column)])
     dtypes = (np.int32, np.float32, np.float32, np.float32, np.uint16)
@@ -183,10 +183,11 @@ def look(random: Random, size: int, side: int = 60) -> list[Any]:
             column,
             side,
             0.25,
-            (ends[:, None] + random.normal(0, 0.3, (size, rays, 2))).reshape(-1, 2),
+            np.cos(bearing),
+            np.sin(bearing),
             random.dirichlet(np.ones(rays)),
         ),
-        *(ends, origins, away / np.maximum(distance, 1e-9)[:, None], distance, (1 << random.integers(0, 4, size)).astype(np.uint16)),
+        *(ends, origins, distance, (1 << random.integers(0, 4, size)).astype(np.uint16)),
         *(0.5, np.array([-side, -1, 0, 2, side + 1]), np.array([1.0, 1.7, 2.7, 0.9, 0.4]), hit, marks),
         np.zeros(side**2, np.uint32),
         np.empty((side**2, 32), np.uint8),

@@ -34,11 +34,11 @@ class Window(msgspec.Struct, frozen=True):
 
 
 class Reach(msgspec.Struct, frozen=True, eq=False):
-    """How far beams go, which way, and where the reflections may lie, over +-2 sigma of azimuth."""
+    """How far beams go, and which way their rays, over +-2 sigma of azimuth."""
 
     distance: Floats  # (N,) m
-    direction: Floats  # (N, 2)
-    ends: Floats  # (N, rays, 2) m
+    cos: Floats  # (N, rays) of the rays' bearings in odom
+    sin: Floats  # (N, rays)
     shares: Floats  # (rays,) of a detection
 
     @staticmethod
@@ -46,10 +46,10 @@ class Reach(msgspec.Struct, frozen=True, eq=False):
         """Of each of the beams, with rays as `BeamModel.spread` has them; `sigma`: rad, of the azimuth."""
         away = beams.points - beams.origins
         bearing = np.arctan2(away[:, 1], away[:, 0])[:, None] + sigmas * sigma  # (N, rays)
-        distance = np.hypot(away[:, 0], away[:, 1])
-        ends = np.empty((*bearing.shape, 2))
-        np.cos(bearing, out=ends[..., 0])
-        np.sin(bearing, out=ends[..., 1])
-        ends *= distance[:, None, None]
-        ends += beams.origins[:, None]
-        return Reach(distance, away / np.maximum(distance, 1e-9)[:, None], ends, shares)
+        return Reach(np.hypot(away[:, 0], away[:, 1]), np.cos(bearing), np.sin(bearing), shares)
+
+    def ends(self, beams: Beams) -> Floats:
+        """(N, rays, 2) m in odom: where the reflections may lie."""
+        rays = np.stack((self.cos, self.sin), axis=-1)
+        found: Floats = rays * self.distance[:, None, None] + beams.origins[:, None]
+        return found

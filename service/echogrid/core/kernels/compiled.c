@@ -558,16 +558,16 @@ static inline Touched *touch(Look *look, int32_t at) {
 static int ascending(const void *one, const void *other) { return (*(int32_t *)one > *(int32_t *)other) - (*(int32_t *)one < *(int32_t *)other); }
 
 KERNEL(look) {
-    TAKE("xxxxd2d1d2d2d2d1H1xl1d1f1!B1!I1!B2!l1!i1!f1!f1!f1!H1!");
+    TAKE("xxxxd2d2d1d2d2d1H1xl1d1f1!B1!I1!B2!l1!i1!f1!f1!f1!H1!");
     int64_t row = (int64_t)given.number[0], column = (int64_t)given.number[1], size = (int64_t)given.number[2];
-    Py_ssize_t beams = LENGTH(2, 0), rays = LENGTH(1, 0), around = LENGTH(7, 0), cells = size * size, tile_row = row >> 7, tile_column = column >> 7;
+    Py_ssize_t beams = LENGTH(3, 0), rays = LENGTH(2, 0), around = LENGTH(7, 0), cells = size * size, tile_row = row >> 7, tile_column = column >> 7;
     Py_ssize_t tall = ((row + size - 1) >> 7) - tile_row + 1, wide = ((column + size - 1) >> 7) - tile_column + 1;
-    int fits = LENGTH(0, 0) == beams * rays && LENGTH(0, 1) == 2 && LENGTH(2, 1) == 2 && LENGTH(3, 0) == beams && LENGTH(3, 1) == 2 &&
+    int fits = LENGTH(0, 0) == beams && LENGTH(0, 1) == rays && LENGTH(1, 0) == beams && LENGTH(1, 1) == rays && LENGTH(3, 1) == 2 &&
                LENGTH(4, 0) == beams && LENGTH(4, 1) == 2 && LENGTH(5, 0) == beams && LENGTH(6, 0) == beams && LENGTH(8, 0) == around &&
                given.array[12].strides[0] == sizeof(Touched) && LENGTH(12, 1) == sizeof(Touched) && LENGTH(13, 0) == tall * wide + 1 && size > 0 && size < 1 << 15;
     for (int n = 9; n < 19; n++) fits &= n == 13 || LENGTH(n, 0) == cells;
     if (!sized(&given, fits)) return NULL;
-    const double *shares = ARRAY(1)->buf, *distance = ARRAY(5)->buf, *weights = ARRAY(8)->buf;
+    const double *shares = ARRAY(2)->buf, *distance = ARRAY(5)->buf, *weights = ARRAY(8)->buf;
     const uint16_t *radars = ARRAY(6)->buf;
     const int64_t *offsets = ARRAY(7)->buf;
     float *hit = ARRAY(9)->buf, *hits = ARRAY(15)->buf, *near = ARRAY(16)->buf, *passes = ARRAY(17)->buf;
@@ -592,15 +592,18 @@ KERNEL(look) {
     int64_t r, c;
     Py_BEGIN_ALLOW_THREADS;
     memset(begins, 0, (tall * wide + 1) * sizeof *begins);
-    for (Py_ssize_t n = 0; n < beams * rays; n++) {
-        const double *end = ROW(double, 0, n);
-        if (!inside_window(end[0], end[1], &window, &r, &c)) continue;
-        Touched *found = touch(&look, (int32_t)(r * size + c));
-        found->share += shares[n % rays];
-        found->who |= radars[n / rays];
+    for (Py_ssize_t n = 0; n < beams; n++) {
+        const double *cos = ROW(double, 0, n), *sin = ROW(double, 1, n), *origin = ROW(double, 4, n);
+        for (Py_ssize_t k = 0; k < rays; k++) {
+            if (!inside_window(cos[k] * distance[n] + origin[0], sin[k] * distance[n] + origin[1], &window, &r, &c)) continue;
+            Touched *found = touch(&look, (int32_t)(r * size + c));
+            found->share += shares[k];
+            found->who |= radars[n];
+        }
     }
     for (Py_ssize_t n = 0; n < beams; n++) {
-        const double *point = ROW(double, 2, n), *origin = ROW(double, 3, n), *direction = ROW(double, 4, n);
+        const double *point = ROW(double, 3, n), *origin = ROW(double, 4, n);
+        double far = distance[n] > 1e-9 ? distance[n] : 1e-9, direction[2] = {(point[0] - origin[0]) / far, (point[1] - origin[1]) / far};
         int32_t before = -1;
         if (inside_window(point[0], point[1], &window, &r, &c) && !(marks[r * size + c] & OWN_MARK)) {
             marks[r * size + c] |= OWN_MARK;

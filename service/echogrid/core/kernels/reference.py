@@ -170,11 +170,11 @@ def look(
     column: int,
     size: int,
     cell: float,
-    ends: Floats,
+    cos: Floats,
+    sin: Floats,
     shares: Floats,
     points: Floats,
     origins: Floats,
-    direction: Floats,
     distance: Floats,
     radars: Bits,
     margin: float,
@@ -193,8 +193,8 @@ def look(
 ) -> None:
     """What beams add to a look in a window of size x size map cells from (row, column) on.
 
-    Beams: points (N, 2) seen from origins (N, 2) over `distance` (N,) m along direction (N, 2), by `radars` (N,) bits; they may end in
-    ends (N * R, 2) with shares (R,). A cell around a point's, `offsets` (K,) flat cells from it, is near it by weights (K,).
+    Beams: points (N, 2) seen from origins (N, 2), `distance` (N,) m away, by `radars` (N,) bits; they may end as far away along rays of
+    that `cos` and `sin` (N, R), with shares (R,). A cell around a point's, `offsets` (K,) flat cells from it, is near it by weights (K,).
 
     The look so far, flat cells, changed: `marks` OWN where a point was, PASSED where a beam passed and HIT where one may have ended, there
     `hit` the largest share. For the compiled loop `numbers` of cells, 0 before and after, and room for those `touched` (cells, 32).
@@ -203,7 +203,9 @@ def look(
     `inside` the flat cell in its tile, what is to be added to hits, near and passes, and `who` touched it. Their order within a tile is
     free; arrays are as long as the window has cells.
     """
-    flat = window_cells(ends, row, column, size, cell)
+    ends = np.stack((cos, sin), axis=-1) * distance[:, None, None] + origins[:, None]
+    direction = (points - origins) / np.maximum(distance, 1e-9)[:, None]
+    flat = window_cells(ends.reshape(-1, 2), row, column, size, cell)
     in_window = flat >= 0
     found, place = np.unique(flat[in_window], return_inverse=True)
     share = np.zeros(size * size, np.float32)

@@ -88,11 +88,11 @@ class Measurement:
             window.column,
             window.size,
             window.cell,
-            reach.ends.reshape(-1, 2),
+            reach.cos,
+            reach.sin,
             reach.shares,
             beams.points,
             beams.origins,
-            reach.direction,
             reach.distance,
             beams.radars,
             self.beam.margin * window.cell,
@@ -125,7 +125,7 @@ class Measurement:
         if not arrived.any() and not left.any():
             return self._nothing()
         reach = Reach.of(beams, *self._spread)
-        cells = window.flat(reach.ends)  # (N, rays)
+        cells = window.flat(reach.ends(beams))  # (N, rays)
         counted = (cells >= 0) & arrived[cells] & (self._arrived[cells] < ARRIVED)
         cells, who = cells[counted], np.broadcast_to(beams.radars[:, None], cells.shape)[counted]
         shares = np.broadcast_to(reach.shares, counted.shape)[counted]
