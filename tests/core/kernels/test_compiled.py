@@ -57,20 +57,16 @@ def sizes(random: Random, size: int) -> np.ndarray:
     return np.diff(np.concatenate(((0,), ends, (size, size))))
 
 
-def polar(random: Random, size: int) -> list[Any]:
-    azimuth, of_each = random.uniform(-4, 4, size), sizes(random, size)
-    places = random.uniform(-9, 9, (len(of_each), 4))
-    return [random.uniform(0, 80, size), np.cos(azimuth), np.sin(azimuth), of_each, places, np.empty((size, 2))]
-
-
 def scans(random: Random, count: int) -> np.ndarray:
     """Rows as of Scan, with a zero now and then."""
     return random.uniform(-9, 20, (count, len(Scan))) * (random.random((count, len(Scan))) < 0.8)
 
 
 def placed(random: Random, size: int) -> list[Any]:
-    *found, of_each, places, _ = polar(random, size)
-    return [*found, of_each, places, random.uniform(-99, 99, (len(of_each), 3)), *random.uniform(-9, 9, 3), np.empty((size, 6))]
+    azimuth, of_each = random.uniform(-4, 4, size), sizes(random, size)
+    sensors = random.uniform(-9, 9, (len(of_each), 4)), random.uniform(-99, 99, (len(of_each), 3))
+    found = random.uniform(0, 80, size), np.cos(azimuth), np.sin(azimuth)
+    return [*found, of_each, *sensors, *random.uniform(-9, 9, 3), np.empty((size, 6))]
 
 
 def sensors(random: Random, size: int) -> list[Any]:
@@ -249,9 +245,11 @@ def differing(random: Random, size: int) -> list[Any]:
     return [before[:, 2 : size + 3], after[:, 2 : size + 3], np.ones(4, np.int64)]
 
 
-def beside(random: Random, size: int) -> list[Any]:
-    """Many are 2 m apart."""
-    return [points(random, size, 5, 1.0), random.random(size) < 0.3, sizes(random, size), 2.0, np.ones(size, np.bool_)]
+def standing(random: Random, size: int) -> list[Any]:
+    """Many are 2 m apart, in a row ahead."""
+    azimuth, range_ = random.uniform(-1, 1, size) * random.integers(0, 2), random.uniform(0, 9, size).round(random.integers(0, 3))
+    sigmas = np.where(random.random(size) < 0.05, np.nan, np.abs(random.normal(0, 3, size)).round())
+    return [range_, np.cos(azimuth), np.sin(azimuth), sizes(random, size), sigmas, 3.0, 2.0, 1.0, np.ones(size, np.bool_)]
 
 
 def gathered(random: Random, size: int) -> list[Any]:
@@ -337,7 +335,6 @@ CASES: dict[str, Callable[[Random, int], list[Any]]] = {
     for case in (
         *(
             moved,
-            polar,
             placed,
             sensors,
             recalled,
@@ -353,7 +350,7 @@ CASES: dict[str, Callable[[Random, int], list[Any]]] = {
             elfes,
             look,
         ),
-        *(add_measured, usual, fold, odds, beside, common_motion, signals, quantities, read_out, percent, differing),
+        *(add_measured, usual, fold, odds, standing, common_motion, signals, quantities, read_out, percent, differing),
         *(gathered, gated, possible, nearby, leanings),
     )
 }
@@ -444,7 +441,7 @@ def test_every_loop_is_compared() -> None:
         ("moved", 0, np.zeros((5, 2), np.float32)),
         ("moved", 0, np.zeros((5, 4))[:, ::2]),
         ("moved", 5, np.zeros((4, 2))),
-        ("polar", 3, np.array([3, 3])),
+        ("placed", 3, np.array([3, 3])),
         ("deviations", 4, np.array([6, -1])),
         ("draw_now", 6, np.zeros((3, 16, 8), np.uint8)),
         ("add_measured", 1, np.full(5, SIDE * SIDE, np.int32)),
@@ -470,7 +467,7 @@ def test_arrays_that_do_not_fit_are_refused(name: str, place: int, wrong: np.nda
 
 
 # Whose number is free: scans, a last one of nothing; layers that others fill; guesses; cells, steps, neighbours; bytes that no signal has.
-MAY_BE_SHORTER = {"draw_looks": {(0, 0)}, "beside": {(2, 0)}, "add_looks": {(14, 0)}, "common_motion": {(6, 1)}}
+MAY_BE_SHORTER = {"draw_looks": {(0, 0)}, "standing": {(3, 0)}, "add_looks": {(14, 0)}, "common_motion": {(6, 1)}}
 MAY_BE_SHORTER |= {"usual": {(0, 0), (1, 0), (2, 0)}, "signals": {(0, 1)}}
 
 

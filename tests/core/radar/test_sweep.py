@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from echogrid.core.messages import RadarScan
 from echogrid.core.motion.odometry import EgoState
-from echogrid.core.motion.se2 import SE2
+from echogrid.core.motion.se2 import IDENTITY, SE2
 from echogrid.core.radar.mount import Mount
 from echogrid.core.radar.placed_scan import PlacedScan
 from echogrid.core.radar.static_gate import GateNoise, deviation
@@ -38,7 +38,9 @@ def test_a_sweep_has_of_each_scan_what_it_has_alone() -> None:
     sweep = Sweep.of(placed, NOISE)
     assert sweep.newest.stamp_ns == 2
     sensors = [one.ego.odom_from_base @ one.mount.base_from_sensor for one in placed]
-    points = sweep.points(np.array([(sensor.x, sensor.y, math.cos(sensor.yaw), math.sin(sensor.yaw)) for sensor in sensors]))
+    points, in_odom, origins, _ = sweep.placed_at(IDENTITY)
+    np.testing.assert_array_equal(in_odom, points)
+    np.testing.assert_array_equal(origins, np.array([sensors[n][:2] for n in sweep.scan]))
     for one, sensor, some in zip(placed, sensors, (slice(7), slice(7, 7), slice(7, None)), strict=True):
         scan, ego = one.scan, one.ego
         polar = np.stack((scan.range * np.cos(scan.azimuth), scan.range * np.sin(scan.azimuth)), axis=1)

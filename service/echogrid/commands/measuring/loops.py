@@ -123,9 +123,9 @@ def noted(calls: Calls, sample: Sample) -> Iterator[None]:
 # Of the update, not the readers' of recordings, nor `identify` and `nearby`, which are called once a batch and every three seconds.
 NAMES = frozenset(
     (
-        *("polar", "deviations", "draw_now", "draw_past", "draw_passes", "draw_looks"),
+        *("deviations", "draw_now", "draw_past", "draw_passes", "draw_looks"),
         *("bilinear", "add_clamped", "note_views", "add_looks", "elfes", "look", "add_measured", "usual"),
-        *("assemble", "fold", "odds", "beside", "common_motion", "read_out", "percent", "differing"),
+        *("assemble", "fold", "odds", "standing", "common_motion", "read_out", "percent", "differing"),
         *("gathered", "sensors", "placed", "recalled", "gated", "possible", "leanings"),
     )
 )

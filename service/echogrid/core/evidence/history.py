@@ -96,11 +96,11 @@ class History:
     def surroundings(self, odom_from_base: SE2, live: Sequence[str]) -> Surroundings:
         """As seen from the pose of the update added last. At least one must have been added."""
         distance, count, _ = self._entries[-1]
-        *there, rcs, deviation, travelled, update = self._detections.rows()
+        points, origins, rcs, deviation, travelled, update = self._detections.rows()
         sensors, half_fov, max_range = self._looks.rows()
         size = len(rcs)
         places, age, numbers, place = np.empty((2, size, 2)), np.empty(size), np.empty(size, np.int64), np.empty(sensors.shape)
-        loops.recalled(*there, travelled, update, sensors, *odom_from_base, distance, places, age, numbers, place)
+        loops.recalled(points, origins, travelled, update, sensors, *odom_from_base, distance, places, age, numbers, place)
         past = Detections(places[0], places[1], rcs.copy(), deviation.copy())
         newest = slice(size - count, None)
         return Surroundings(

@@ -1029,9 +1029,9 @@ KERNEL(differing) {
 
 #define ENTRY(name) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, "As reference." #name "."}
 static PyMethodDef methods[] = {
-    ENTRY(moved),     ENTRY(polar),     ENTRY(placed), ENTRY(sensors), ENTRY(deviations), ENTRY(draw_now),  ENTRY(draw_past), ENTRY(draw_passes), ENTRY(draw_looks),   ENTRY(bilinear), ENTRY(add_clamped),
+    ENTRY(moved),     ENTRY(placed), ENTRY(sensors), ENTRY(deviations), ENTRY(draw_now),  ENTRY(draw_past), ENTRY(draw_passes), ENTRY(draw_looks),   ENTRY(bilinear), ENTRY(add_clamped),
     ENTRY(note_views), ENTRY(add_looks), ENTRY(elfes),    ENTRY(look),        ENTRY(add_measured), ENTRY(usual),
-    ENTRY(signals),   ENTRY(quantities), ENTRY(fold), ENTRY(odds), ENTRY(beside), ENTRY(common_motion),
+    ENTRY(signals),   ENTRY(quantities), ENTRY(fold), ENTRY(odds), ENTRY(standing), ENTRY(common_motion),
     ENTRY(read_out),  ENTRY(percent), ENTRY(differing),
     ENTRY(gathered), ENTRY(recalled), ENTRY(gated), ENTRY(possible), ENTRY(nearby), ENTRY(leanings),
     ENTRY(candump_lines), ENTRY(asc_lines), ENTRY(trc_lines), ENTRY(csv_lines), ENTRY(blf_objects), ENTRY(assemble), ENTRY(identify), ENTRY(can_frames), ENTRY(join_frames),

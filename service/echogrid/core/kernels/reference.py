@@ -47,7 +47,6 @@ from echogrid.core.kernels.reading import differing as differing
 from echogrid.core.kernels.reading import percent as percent
 from echogrid.core.kernels.reading import read_out as read_out
 from echogrid.core.kernels.scans import assemble as assemble
-from echogrid.core.kernels.sweeps import beside as beside
 from echogrid.core.kernels.sweeps import common_motion as common_motion
 from echogrid.core.kernels.sweeps import deviations as deviations
 from echogrid.core.kernels.sweeps import gated as gated
@@ -55,10 +54,10 @@ from echogrid.core.kernels.sweeps import gathered as gathered
 from echogrid.core.kernels.sweeps import leanings as leanings
 from echogrid.core.kernels.sweeps import nearby as nearby
 from echogrid.core.kernels.sweeps import placed as placed
-from echogrid.core.kernels.sweeps import polar as polar
 from echogrid.core.kernels.sweeps import possible as possible
 from echogrid.core.kernels.sweeps import recalled as recalled
 from echogrid.core.kernels.sweeps import sensors as sensors
+from echogrid.core.kernels.sweeps import standing as standing
 from echogrid.core.kernels.tiles import add_clamped as add_clamped
 from echogrid.core.kernels.tiles import add_looks as add_looks
 from echogrid.core.kernels.tiles import add_measured as add_measured

@@ -2,12 +2,12 @@
 enum { STANDS, MOVES, BESIDE, UNASKED };
 
 /* Of points, `count` of them at `some`, so many of which move: marks those that at least two of these lie close to. */
-static void mark_beside(const Given *given, int points, const double *movers, Py_ssize_t moving, double radius, Py_ssize_t begin, Py_ssize_t end,
+static void mark_beside(const void *points, Py_ssize_t stride, const double *movers, Py_ssize_t moving, double radius, Py_ssize_t begin, Py_ssize_t end,
                         const uint8_t *asked, uint8_t mark, uint8_t other, uint8_t *out) {
     double square = radius * radius;
     for (Py_ssize_t n = begin; n < end; n++) {
         if (asked && !asked[n]) continue;
-        const double *point = (const double *)((const char *)given->array[points].buf + n * given->array[points].strides[0]);
+        const double *point = (const double *)((const char *)points + n * stride);
         int near = 0;
         for (Py_ssize_t m = 0; m < moving; m++) {
             double dx = point[0] - movers[2 * m], dy = point[1] - movers[2 * m + 1];
@@ -17,24 +17,30 @@ static void mark_beside(const Given *given, int points, const double *movers, Py
     }
 }
 
-KERNEL(beside) {
-    TAKE("d2B1l1xB1!");
-    Py_ssize_t size = LENGTH(0, 0), scans = LENGTH(2, 0);
-    if (!sized(&given, LENGTH(0, 1) == 2 && LENGTH(1, 0) == size && sizes_fit(&given, 2, scans, size) && LENGTH(3, 0) == size)) return NULL;
-    const uint8_t *moving = ARRAY(1)->buf;
-    const int64_t *sizes = ARRAY(2)->buf;
-    double *of = malloc((2 * size + 1) * sizeof *of);
-    if (of == NULL) {
+KERNEL(standing) {
+    TAKE("d1d1d1l1d1xxxB1!");
+    Py_ssize_t size = LENGTH(0, 0), scans = LENGTH(3, 0);
+    int fits = LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(4, 0) == size && LENGTH(5, 0) == size;
+    if (!sized(&given, fits && sizes_fit(&given, 3, scans, size))) return NULL;
+    const double *range = ARRAY(0)->buf, *cos = ARRAY(1)->buf, *sin = ARRAY(2)->buf, *sigmas = ARRAY(4)->buf, limit = given.number[0];
+    const int64_t *sizes = ARRAY(3)->buf;
+    uint8_t *out = ARRAY(5)->buf;
+    double *points = malloc((4 * size + 1) * sizeof *points), *movers = points + 2 * size;
+    if (points == NULL) {
         drop(&given);
         return PyErr_NoMemory();
     }
     for (Py_ssize_t s = 0, begin = 0; s < scans; begin += sizes[s++]) {
-        Py_ssize_t movers = 0, end = begin + sizes[s];
-        for (Py_ssize_t n = begin; n < end; n++)
-            if (moving[n]) memcpy(of + 2 * movers++, ROW(double, 0, n), 2 * sizeof *of);
-        mark_beside(&given, 0, of, movers, given.number[0], begin, end, NULL, 1, 0, ARRAY(3)->buf);
+        Py_ssize_t moving = 0, end = begin + sizes[s];
+        for (Py_ssize_t n = begin; n < end; n++) {
+            points[2 * n] = range[n] * cos[n];
+            points[2 * n + 1] = range[n] * sin[n];
+            if (sigmas[n] > limit) memcpy(movers + 2 * moving++, points + 2 * n, 2 * sizeof *movers);
+        }
+        mark_beside(points, 2 * sizeof *points, movers, moving, given.number[1], begin, end, NULL, 0, 1, out);
+        for (Py_ssize_t n = begin; n < end; n++) out[n] &= !(sigmas[n] > limit) & (range[n] > given.number[2]);
     }
-    free(of);
+    free(points);
     return done(&given);
 }
 
@@ -169,26 +175,6 @@ KERNEL(recalled) {
     return done(&given);
 }
 
-/* A detection in the frame in which its sensor is at a place: x, y, cosine and sine of its yaw. */
-static inline void put(double range, double cos, double sin, const double *place, double *to) {
-    double along = range * cos, aside = range * sin;
-    to[0] = place[2] * along - place[3] * aside + place[0];
-    to[1] = place[3] * along + place[2] * aside + place[1];
-}
-
-KERNEL(polar) {
-    TAKE("d1d1d1l1d2d2!");
-    Py_ssize_t size = LENGTH(0, 0), scans = LENGTH(4, 0);
-    if (!sized(&given, LENGTH(1, 0) == size && LENGTH(2, 0) == size && LENGTH(4, 1) == 4 && LENGTH(5, 0) == size && LENGTH(5, 1) == 2 &&
-                           sizes_fit(&given, 3, scans, size)))
-        return NULL;
-    const double *range = ARRAY(0)->buf, *cos = ARRAY(1)->buf, *sin = ARRAY(2)->buf;
-    const int64_t *sizes = ARRAY(3)->buf;
-    for (Py_ssize_t s = 0, n = 0; s < scans; s++)
-        for (Py_ssize_t end = n + sizes[s]; n < end; n++) put(range[n], cos[n], sin[n], ROW(double, 4, s), ROW(double, 5, n));
-    return done(&given);
-}
-
 KERNEL(placed) {
     TAKE("d1d1d1l1d2d2xxxd2!");
     Py_ssize_t size = LENGTH(0, 0), scans = LENGTH(4, 0);
@@ -198,14 +184,18 @@ KERNEL(placed) {
     const double *range = ARRAY(0)->buf, *cosine = ARRAY(1)->buf, *sine = ARRAY(2)->buf;
     const int64_t *sizes = ARRAY(3)->buf;
     double x = given.number[0], y = given.number[1], c = cos(given.number[2]), s = sin(given.number[2]);
-    for (Py_ssize_t k = 0, n = 0; k < scans; k++)
+    for (Py_ssize_t k = 0, n = 0; k < scans; k++) {
+        const double *in_base = ROW(double, 4, k), *in_odom = ROW(double, 5, k);
         for (Py_ssize_t end = n + sizes[k]; n < end; n++) {
-            double *to = ROW(double, 6, n);
-            put(range[n], cosine[n], sine[n], ROW(double, 4, k), to);
+            double along = range[n] * cosine[n], aside = range[n] * sine[n], *to = ROW(double, 6, n);
+            to[0] = in_base[2] * along - in_base[3] * aside + in_base[0];
+            to[1] = in_base[3] * along + in_base[2] * aside + in_base[1];
             to[2] = c * to[0] - s * to[1] + x;
             to[3] = s * to[0] + c * to[1] + y;
-            memcpy(to + 4, ROW(double, 5, k), 2 * sizeof *to);
+            to[4] = in_odom[0];
+            to[5] = in_odom[1];
         }
+    }
     return done(&given);
 }
 
@@ -236,7 +226,7 @@ KERNEL(gated) {
         for (Py_ssize_t n = 0; n < size; n++)
             if (asked[n] && !(sigmas[n] <= limit)) memcpy(movers + 2 * moving++, ROW(double, 0, n), 2 * sizeof *movers);
         for (Py_ssize_t n = 0; n < size; n++) verdicts[n] = UNASKED;
-        mark_beside(&given, 0, movers, moving, given.number[2], 0, size, asked, BESIDE, STANDS, verdicts);
+        mark_beside(ARRAY(0)->buf, ARRAY(0)->strides[0], movers, moving, given.number[2], 0, size, asked, BESIDE, STANDS, verdicts);
         for (Py_ssize_t n = 0; n < size; n++) {
             if (asked[n] && !(sigmas[n] <= limit)) verdicts[n] = MOVES;
             if (verdicts[n] == STANDS) standing[++stand] = n;

@@ -127,25 +127,18 @@ def _joined(a_from_b: Sequence[float], b_from_c: Sequence[float]) -> tuple[float
     return x + c * u - s * v, y + s * u + c * v, yaw + turn
 
 
-def polar(range_: Floats, cos: Floats, sin: Floats, sizes: Integers, places: Floats, out: Floats) -> None:
-    """Points (N, 2) of scans, `sizes` (S,) of each, in the frame in which the sensors are at places (S, 4): x, y, cosine and sine of yaw.
-    `cos` and `sin` (N,): of the points' azimuths."""
-    x, y, c, s = np.repeat(places, sizes, axis=0).T
-    along, aside = range_ * cos, range_ * sin
-    out[:, 0] = c * along - s * aside + x
-    out[:, 1] = s * along + c * aside + y
-
-
 def placed(
     range_: Floats, cos: Floats, sin: Floats, sizes: Integers, in_base: Floats, in_odom: Floats, x: float, y: float, yaw: float, out: Floats
 ) -> None:
-    """As `polar`, of sensors as `sensors` has them. Out (N, 6): x and y in base; in odom; and in odom of the sensor that measured it."""
-    points = np.empty((len(range_), 2))
-    polar(range_, cos, sin, sizes, in_base, points)
+    """Where detections of scans lie, `sizes` (S,) of each, by the `cos` and `sin` (N,) of their azimuths and sensors as `sensors` has them.
+    Out (N, 6): x and y in base; in odom; and in odom of the sensor that measured it."""
+    u, v, cosine, sine = np.repeat(in_base, sizes, axis=0).T
+    along, aside = range_ * cos, range_ * sin
+    out[:, 0] = cosine * along - sine * aside + u
+    out[:, 1] = sine * along + cosine * aside + v
     c, s = math.cos(yaw), math.sin(yaw)
-    out[:, :2] = points
-    out[:, 2] = c * points[:, 0] - s * points[:, 1] + x
-    out[:, 3] = s * points[:, 0] + c * points[:, 1] + y
+    out[:, 2] = c * out[:, 0] - s * out[:, 1] + x
+    out[:, 3] = s * out[:, 0] + c * out[:, 1] + y
     out[:, 4:] = np.repeat(in_odom[:, :2], sizes, axis=0)
 
 
@@ -179,6 +172,24 @@ def beside(points: Floats, moving: Mask, sizes: Integers, radius: float, out: Ma
     scan = np.repeat(np.arange(len(sizes)), sizes)
     away = points[:, None, :] - points[moving][None, :, :]
     out[:] = (((away * away).sum(axis=2) < radius * radius) & (scan[:, None] == scan[moving])).sum(axis=1) >= 2
+
+
+def standing(
+    range_: Floats,
+    cos: Floats,
+    sin: Floats,
+    sizes: Integers,
+    sigmas: Floats,
+    limit: float,
+    radius: float,
+    nearest: float,
+    out: Mask,
+) -> None:
+    """(N,) which detections of scans, `sizes` (S,) of each, are more than `nearest` m away, at most `limit` sigmas off a standing thing,
+    and not `beside` such as are more. `cos` and `sin` (N,): of their azimuths."""
+    moving = sigmas > limit
+    beside(np.stack((range_ * cos, range_ * sin), axis=1), moving, sizes, radius, out)
+    out[:] = ~(moving | out) & (range_ > nearest)
 
 
 def leanings(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from echogrid.core.kernels.dispatch import loops
 from echogrid.core.messages import Floats
 from echogrid.core.motion.se2 import IDENTITY
-from echogrid.core.radar.static_gate import GateNoise, beside_movers
+from echogrid.core.radar.static_gate import GateNoise
 from echogrid.core.radar.sweep import Sweep
 
 Complex = NDArray[np.complex128]
@@ -62,13 +62,7 @@ class Pairs(msgspec.Struct, frozen=True, eq=False):
 def look(sweeps: Sequence[tuple[Sweep, Turned]], numbers: Mapping[str, int], noise: GateNoise, most: int) -> Look | None:
     """What stands in the scans of trusted radars, each sweep with how the car had turned, thinned to `most`; None where nothing does."""
     placed = [one for sweep, _ in sweeps for one in sweep.placed]
-    stands, points = [], []
-    for sweep, _ in sweeps:
-        there = sweep.points(np.array([(0.0, 0.0, 1.0, 0.0)] * len(sweep.placed)))  # each in its sensor's frame
-        moving = sweep.sigmas > noise.sigmas
-        stands.append(~(moving | beside_movers(there, moving, sweep.sizes, noise)) & (sweep.range > NEAREST))
-        points.append(there)
-    standing = np.flatnonzero(np.concatenate(stands))
+    standing = np.flatnonzero(np.concatenate([sweep.standing(noise, NEAREST) for sweep, _ in sweeps]))
     if len(standing) == 0:
         return None
     count = min(len(standing), most)
@@ -81,8 +75,8 @@ def look(sweeps: Sequence[tuple[Sweep, Turned]], numbers: Mapping[str, int], noi
     radar = np.array([numbers[one.scan.sensor] for one in placed])[whose]
     turned = [so_far for sweep, so_far in sweeps for _ in sweep.placed]
     so_far = Turned(np.array([one.sums for one in turned])[whose], np.array([one.moments for one in turned])[whose])
-    far = np.concatenate([sweep.range for sweep, _ in sweeps])[kept]
-    arm = np.concatenate(points)[kept].view(np.complex128)[:, 0] * turn
+    far, cos, sin = np.concatenate([(sweep.range, *sweep.azimuth) for sweep, _ in sweeps], axis=1)[:, kept]
+    arm = np.stack((far * cos, far * sin), axis=1).view(np.complex128)[:, 0] * turn
     along, across = RANGE_NOISE**2 + EXTENT**2, (AZIMUTH_NOISE * far) ** 2 + EXTENT**2
     c, s = arm.real / far, arm.imag / far
     covariance = np.stack((along * c * c + across * s * s, (along - across) * c * s, along * s * s + across * c * c))

@@ -76,21 +76,12 @@ def gated(
     points: Floats, sigmas: Floats, near: NDArray[np.bool_], range_: Floats, reach: float, noise: GateNoise
 ) -> tuple[NDArray[np.uint8], tuple[NDArray[np.int64], NDArray[np.int64]]]:
     """Of detections (N,) at points (N, 2) m, so many sigmas off a standing thing: the verdict (N,) on those that are `near`,
-    `kernels.sweeps.GateVerdict`, and of these, and of those up to `reach` m far, which ones stand."""
+    `kernels.sweeps.GateVerdict`, and of these, and of those up to `reach` m far, which ones stand.
+
+    A car that passes abeam shows no radial speed in the middle and much at its ends: the part between them belongs to it too. One moving
+    neighbour is not enough, since one detection in twenty has a gross Doppler error."""
     count = len(points)
     verdicts, static = np.empty(count, np.uint8), np.empty((2, count + 1), np.int64)
     loops.gated(points, sigmas, near, range_, reach, noise.sigmas, noise.mover_radius, verdicts, static)
     one, other = static[:, 0].tolist()
     return verdicts, (static[0, 1 : one + 1], static[1, 1 : other + 1])
-
-
-def beside_movers(points: Floats, moving: NDArray[np.bool_], sizes: NDArray[np.int64], noise: GateNoise) -> NDArray[np.bool_]:
-    """(N,) True for detections with at least two moving ones of their scan within `noise.mover_radius`. points: (N, 2) m, of scans with
-    `sizes` (S,) of them, one behind the other.
-
-    A car that passes abeam shows no radial speed in the middle and much at its ends: the part between them belongs to it too. One moving
-    neighbour is not enough, since one detection in twenty has a gross Doppler error.
-    """
-    near = np.empty(len(points), dtype=np.bool_)
-    loops.beside(points, moving, sizes, noise.mover_radius, near)
-    return near

@@ -80,10 +80,10 @@ class Sweep(msgspec.Struct, frozen=True, eq=False):
         loops.placed(self.range, *self.azimuth, self.sizes, in_base, in_odom, *odom_from_base, found)
         return found[:, :2], found[:, 2:4], found[:, 4:], in_odom
 
-    def points(self, places: Floats) -> Floats:
-        """(N, 2) m, in the frame in which the scans' sensors are at places (S, 4): x, y (m), cosine and sine of their yaw."""
-        found = np.empty((self.range.size, 2))
-        loops.polar(self.range, *self.azimuth, self.sizes, places, found)
+    def standing(self, noise: GateNoise, nearest: float) -> NDArray[np.bool_]:
+        """(N,) what stands, scan by scan as the gate sees it, and is more than `nearest` m away."""
+        found = np.empty(self.range.size, np.bool_)
+        loops.standing(self.range, *self.azimuth, self.sizes, self.sigmas, noise.sigmas, noise.mover_radius, nearest, found)
         return found
 
 

@@ -129,8 +129,8 @@ class Watch:
 
     def _static(self, sweep: Sweep) -> Floats:
         """(N, 2) m in odom, where static detections lie."""
-        in_odom, _ = sweep.sensors(IDENTITY)
-        return sweep.points(in_odom)[sweep.stands(self.noise.sigmas)]
+        points, *_ = sweep.placed_at(IDENTITY)
+        return points[sweep.stands(self.noise.sigmas)]
 
     def _remember(self, sweep: Sweep) -> None:
         self._known.append(sweep)
