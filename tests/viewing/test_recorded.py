@@ -100,7 +100,7 @@ def test_the_last_window_is_that_of_the_map(feed: DriveFeed, folder: Path) -> No
     assert seen.pose[1:4] == (last.ego.odom_from_base.x, last.ego.odom_from_base.y, last.ego.odom_from_base.yaw)
     stamp_ns, places, radars, verdicts = seen.points
     assert stamp_ns == last.ego.stamp_ns
-    np.testing.assert_allclose(places, last.ego.odom_from_base.apply(last.judged.points), atol=1e-3)
+    np.testing.assert_allclose(places, last.ego.odom_from_base.apply(last.judged.near()[0]), atol=1e-3)
     static = last.ego.odom_from_base.apply(last.static_points)
     np.testing.assert_allclose(places[verdicts == Judged.STATIC], static, atol=1e-3)
     assert set(radars.tolist()) <= {0, 2, 3}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -108,7 +108,7 @@ class Published:
         if update.x + width > cells.shape[1] or update.y + height > cells.shape[0]:
             raise ValueError("an update reaches beyond its key frame")
         cells[update.y : update.y + height, update.x : update.x + width] = update.occupancy
-        return Item(stamp_ns, window=replace(key, stamp_ns=update.stamp_ns, occupancy=cells))
+        return Item(stamp_ns, window=msgspec.structs.replace(key, stamp_ns=update.stamp_ns, occupancy=cells))
 
 
 def _object(payload: bytes) -> dict[str, Any]:

@@ -799,18 +799,21 @@ KERNEL(quantities) {
     return done(&given);
 }
 
+WIDE static void unzip(const uint8_t *restrict from, Py_ssize_t width, uint8_t *restrict even, uint8_t *restrict odd) {
+    for (Py_ssize_t j = 0; j < width; j++) {
+        even[j] = from[2 * j];
+        odd[j] = from[2 * j + 1];
+    }
+}
+
 KERNEL(fold) {
     TAKE("B3B3!");
     Py_ssize_t planes = LENGTH(0, 0), height = LENGTH(1, 1), width = LENGTH(1, 2);
     if (!sized(&given, LENGTH(0, 1) == 2 * height && LENGTH(0, 2) == 2 * width && LENGTH(1, 0) == 4 * planes)) return NULL;
     for (Py_ssize_t p = 0; p < planes; p++)
         for (Py_ssize_t i = 0; i < 2 * height; i++) {
-            const uint8_t *from = ROW3(uint8_t, 0, p, i);
-            uint8_t *even = ROW3(uint8_t, 1, 4 * p + 2 * (i & 1), i >> 1), *odd = ROW3(uint8_t, 1, 4 * p + 2 * (i & 1) + 1, i >> 1);
-            for (Py_ssize_t j = 0; j < width; j++) {
-                even[j] = from[2 * j];
-                odd[j] = from[2 * j + 1];
-            }
+            Py_ssize_t part = 4 * p + 2 * (i & 1);
+            unzip(ROW3(uint8_t, 0, p, i), width, ROW3(uint8_t, 1, part, i >> 1), ROW3(uint8_t, 1, part + 1, i >> 1));
         }
     return done(&given);
 }
@@ -836,19 +839,31 @@ static inline float exponential(float x) {
     return p * power;
 }
 
-WIDE static void odds_row(const float *vacant, const float *unknown, const float *occupied, Py_ssize_t width, float *odds, float *share) {
-    float less[BLOCK], rest[BLOCK];
+/* Two parts of a row by turns: all cells of one step before the next one's, as a step without a branch is taken for many at once. */
+WIDE static void odds_row(const float *const *vacant, const float *const *unknown, const float *const *occupied, Py_ssize_t width, float *restrict odds,
+                          float *restrict share) {
+    float difference[2][BLOCK], known[2][BLOCK], rest[2][BLOCK];
     for (Py_ssize_t from = 0; from < width; from += BLOCK) {
         Py_ssize_t some = width - from < BLOCK ? width - from : BLOCK;
-        for (Py_ssize_t n = 0; n < some; n++) {
-            Py_ssize_t j = from + n;
-            float difference = occupied[j] - vacant[j], size = -fabsf(difference);
-            odds[j] = difference;
-            less[n] = size < -60 ? -60 : size;
-            rest[n] = within(unknown[j] - (difference > 0 ? occupied[j] : vacant[j]), -60, 60);
+        for (int side = 0; side < 2; side++) {
+            const float *one = vacant[side] + from, *none = unknown[side] + from, *other = occupied[side] + from;
+            for (Py_ssize_t n = 0; n < some; n++) {
+                float apart = other[n] - one[n], size = -fabsf(apart);
+                difference[side][n] = apart;
+                known[side][n] = size < -60 ? -60 : size;
+                rest[side][n] = within(none[n] - (apart > 0 ? other[n] : one[n]), -60, 60);
+            }
+            for (Py_ssize_t n = 0; n < some; n++) known[side][n] = 1 + exponential(known[side][n]);
+            for (Py_ssize_t n = 0; n < some; n++) rest[side][n] = known[side][n] / (known[side][n] + exponential(rest[side][n]));
         }
-        for (Py_ssize_t n = 0; n < some; n++) less[n] = 1 + exponential(less[n]);
-        for (Py_ssize_t n = 0; n < some; n++) share[from + n] = less[n] / (less[n] + exponential(rest[n]));
+        for (Py_ssize_t n = 0; n < some; n++) {
+            odds[2 * (from + n)] = difference[0][n];
+            odds[2 * (from + n) + 1] = difference[1][n];
+        }
+        for (Py_ssize_t n = 0; n < some; n++) {
+            share[2 * (from + n)] = rest[0][n];
+            share[2 * (from + n) + 1] = rest[1][n];
+        }
     }
 }
 
@@ -856,23 +871,11 @@ KERNEL(odds) {
     TAKE("f3f3!");
     Py_ssize_t height = LENGTH(0, 1), width = LENGTH(0, 2);
     if (!sized(&given, LENGTH(0, 0) == 12 && LENGTH(1, 0) == 2 && LENGTH(1, 1) == 2 * height && LENGTH(1, 2) == 2 * width)) return NULL;
-    float *odds = malloc(2 * width * sizeof *odds + 1), *share = odds + width;
-    if (odds == NULL) {
-        drop(&given);
-        return PyErr_NoMemory();
-    }
     for (Py_ssize_t i = 0; i < 2 * height; i++) {
-        float *log_odds = ROW3(float, 1, 0, i), *weight = ROW3(float, 1, 1, i);
-        for (Py_ssize_t side = 0; side < 2; side++) {
-            Py_ssize_t part = 2 * (i & 1) + side;
-            odds_row(ROW3(float, 0, part, i >> 1), ROW3(float, 0, 4 + part, i >> 1), ROW3(float, 0, 8 + part, i >> 1), width, odds, share);
-            for (Py_ssize_t j = 0; j < width; j++) {
-                log_odds[2 * j + side] = odds[j];
-                weight[2 * j + side] = share[j];
-            }
-        }
+        const float *planes[3][2];
+        for (int k = 0; k < 6; k++) planes[k / 2][k % 2] = ROW3(float, 0, 4 * (k / 2) + 2 * (i & 1) + k % 2, i >> 1);
+        odds_row(planes[0], planes[1], planes[2], width, ROW3(float, 1, 0, i), ROW3(float, 1, 1, i));
     }
-    free(odds);
     return done(&given);
 }
 
