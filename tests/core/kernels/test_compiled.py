@@ -227,8 +227,11 @@ def read_out(random: Random, size: int) -> list[Any]:
     layers[:, :, random.integers(0, size + 1) :] *= random.choice([0, 1])
     strange = random.random(layers.shape) < 0.01
     layers[strange] = random.choice([np.nan, np.inf, -np.inf, 1e-38, -1e30, 1e38], strange.sum())
-    rule = [0.372, 2.8, 1.7, 21.0, 2.2, 0.4, 2.8, np.log(1 / 9), 1 / 9, 0.38, 4.0, 2.0, 3.3, 4.2, -2.13, 0.72]
-    return [layers, *random.normal(1, 0.3, 2), *rule, np.ones(layers.shape[1:], np.float32)]
+    rule = np.array([0.372, 2.8, 1.7, 21.0, 2.2, 0.4, 2.8, np.log(1 / 9), 1 / 9, 0.38, 4.0, 2.0, 3.3, 4.2, -2.13, 0.72], np.float32)
+    row, column, beyond = random.integers(-9, 9, 3)
+    places = np.array([(row - 3, column + 1), (row + size % 7, column), (row + 99, column - 99)])[: random.integers(1, 4)]
+    out = np.ones((size % 7 + 2, size + 70 + beyond), np.float32)
+    return [int(row), int(column), places, [layers, layers[:, :, 5:], layers][: len(places)], *random.normal(1, 0.3, 2), rule, out]
 
 
 def percent(random: Random, size: int) -> list[Any]:
@@ -468,7 +471,7 @@ def test_arrays_that_do_not_fit_are_refused(name: str, place: int, wrong: np.nda
 
 # Whose number is free: scans, a last one of nothing; layers that others fill; guesses; cells, steps, neighbours; bytes that no signal has.
 MAY_BE_SHORTER = {"draw_looks": {(0, 0)}, "standing": {(3, 0)}, "add_looks": {(14, 0)}, "common_motion": {(6, 1)}}
-MAY_BE_SHORTER |= {"usual": {(0, 0), (1, 0), (2, 0)}, "signals": {(0, 1)}}
+MAY_BE_SHORTER |= {"usual": {(0, 0), (1, 0), (2, 0)}, "signals": {(0, 1)}, "read_out": {(3, 1), (3, 2), (7, 0), (7, 1)}}
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -950,28 +950,42 @@ WIDE static int any(const float *values, Py_ssize_t count) {
     return found != 0;
 }
 
+/* Where a part of so many cells, from `first` on along one axis of the window, begins and ends to lie in the window. */
+static inline void clipped(int64_t first, int64_t cells, int64_t window, int64_t *begin, int64_t *end) {
+    *begin = first < 0 ? -first : 0;
+    *end = cells < window - first ? cells : window - first;
+}
+
 KERNEL(read_out) {
-    TAKE("f3xxxxxxxxxxxxxxxxxxf2!");
-    Py_ssize_t height = LENGTH(0, 1), width = LENGTH(0, 2);
-    if (!sized(&given, LENGTH(0, 0) == 5 && LENGTH(1, 0) == height && LENGTH(1, 1) == width)) return NULL;
-    float numbers[18];
-    for (int n = 0; n < 18; n++) numbers[n] = (float)given.number[n];
+    TAKE("xxl2*f3xxf1f2!");
+    const List *parts = &given.list[0];
+    int64_t height = LENGTH(2, 0), width = LENGTH(2, 1), top, bottom, left, right;
+    int fits = LENGTH(0, 0) == parts->count && LENGTH(0, 1) == 2 && LENGTH(1, 0) == 16;
+    for (Py_ssize_t t = 0; fits && t < parts->count; t++) fits = parts->array[t].shape[0] == 5;
+    if (!sized(&given, fits)) return NULL;
+    float numbers[18] = {(float)given.number[2], (float)given.number[3]};
+    memcpy(numbers + 2, ARRAY(1)->buf, 16 * sizeof *numbers);
     Rule rule;
     memcpy(&rule, numbers, sizeof rule);
     Py_BEGIN_ALLOW_THREADS;
-    for (Py_ssize_t i = 0; i < height; i++)
-        for (Py_ssize_t j = 0; j < width; j += BLOCK) {
-            Py_ssize_t some = width - j < BLOCK ? width - j : BLOCK;
-            const float *from[5];
-            float *out = ROW(float, 1, i) + j;
-            int known = 0;
-            for (int p = 0; p < 5; p++) {
-                from[p] = ROW3(float, 0, p, i) + j;
-                known |= any(from[p], some);
+    for (int64_t i = 0; i < height; i++) memset(ROW(float, 2, i), 0, width * sizeof(float));
+    for (Py_ssize_t t = 0; t < parts->count; t++) {
+        const Py_buffer *part = &parts->array[t];
+        const int64_t *place = ROW(int64_t, 0, t), down = place[0] - (int64_t)given.number[0], across = place[1] - (int64_t)given.number[1];
+        clipped(down, part->shape[1], height, &top, &bottom);
+        clipped(across, part->shape[2], width, &left, &right);
+        for (int64_t i = top; i < bottom; i++)
+            for (int64_t j = left; j < right; j += BLOCK) {
+                Py_ssize_t some = right - j < BLOCK ? right - j : BLOCK;
+                const float *from[5];
+                int known = 0;
+                for (int p = 0; p < 5; p++) {
+                    from[p] = (const float *)((const char *)part->buf + p * part->strides[0] + i * part->strides[1]) + j;
+                    known |= any(from[p], some);
+                }
+                if (known) read_block(from, some, &rule, ROW(float, 2, down + i) + across + j);
             }
-            if (known) read_block(from, some, &rule, out);
-            else memset(out, 0, some * sizeof *out);
-        }
+    }
     Py_END_ALLOW_THREADS;
     return done(&given);
 }

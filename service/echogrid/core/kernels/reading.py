@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,51 +17,44 @@ TINY = np.finfo(np.float32).tiny
 
 
 def read_out(
-    layers: Singles,
-    gain: float,
-    offset: float,
-    learned: float,
-    prior: float,
-    surest: float,
-    hit: float,
-    near: float,
-    passed: float,
-    none: float,
-    doubt: float,
-    doubted: float,
-    slope: float,
-    steep: float,
-    alone: float,
-    enough: float,
-    surer: float,
-    least: float,
-    calmer: float,
-    out: Singles,
+    row: int, column: int, places: Integers, parts: Sequence[Singles], gain: float, offset: float, rule: Singles, out: Singles
 ) -> None:
-    """Layers (5, H, W) of a LookMap -> (H, W) log-odds by the rule of docs/fusion.md, whose numbers `core.map.read_out` names; 0 where all
-    layers are 0, and only there. `gain` and `offset` calibrate the mean of what the network said; `doubted` are the odds of `doubt`.
+    """Log-odds (H, W) of the cells from (row, column) on, out of parts of a LookMap, layers (5, …, …) each, whose first cells are at places
+    (T, 2): by the rule of docs/fusion.md, whose numbers (16,) `core.map.read_out` names; 0 where all layers are 0 or no part is, and only
+    there. `gain` and `offset` calibrate the mean of what the network said.
 
     Worked out in odds, which takes fewer logarithms.
     """
+    out[:] = 0
+    height, width = out.shape
+    for (top, left), layers in zip((places - (row, column)).tolist(), parts, strict=True):
+        above, aside = max(-top, 0), max(-left, 0)  # of the part, outside the window
+        found = log_odds_of(layers[:, above : max(height - top, above), aside : max(width - left, aside)], gain, offset, rule)
+        out[max(top, 0) :, max(left, 0) :][: found.shape[0], : found.shape[1]] = found
+
+
+def log_odds_of(layers: Singles, gain: float, offset: float, rule: Singles) -> Singles:
+    """Of layers (5, H, W): (H, W)."""
+    learned, prior, surest, hit, near, passed, none, doubt, doubted, slope, steep, alone, enough, surer, least, calmer = rule
     total, weight, hits, beside, passes = layers
     known = (total != 0) | (weight != 0) | (hits != 0) | (beside != 0) | (passes != 0)
     divisor = np.where(weight > np.float32(1e-6), weight, np.float32(1e-6))
     said = np.where(weight > 0, np.float32(gain) * (total / divisor) + np.float32(offset), np.float32(0))
-    passing = np.float32(passed) * (passes * np.sqrt(np.sqrt(passes))) + np.float32(none)
-    weighed = exponential(within(np.float32(learned) * said, -prior, surest)) / passing
-    aside = weighed * (np.float32(near) * beside + np.float32(none))
-    bent = np.float32(doubt) + np.float32(slope) * (logarithm(aside) - np.float32(doubt))
-    aside = np.where(aside > np.float32(doubted), exponential(bent), aside)
-    inside = weighed * (np.float32(hit) * hits + np.float32(none))
-    lone = exponential(within(np.float32(steep) * said + np.float32(alone), -60, enough)) / passing
+    passing = passed * (passes * np.sqrt(np.sqrt(passes))) + none
+    weighed = exponential(within(learned * said, -prior, surest)) / passing
+    aside = weighed * (near * beside + none)
+    bent = doubt + slope * (logarithm(aside) - doubt)
+    aside = np.where(aside > doubted, exponential(bent), aside)
+    inside = weighed * (hit * hits + none)
+    lone = exponential(within(steep * said + alone, -60, enough)) / passing
     lone = np.where(said == 0, np.float32(0), lone)
     log_odds = logarithm(aside * aside + inside * inside + lone * lone) * np.float32(0.5)
-    above = log_odds - np.float32(doubt)
-    surely = np.float32(doubt) + np.float32(surer) * above
-    share = above / np.float32(doubt)  # -1 … 0
-    between = np.float32(least) + np.float32(least) * (share * share * share)
-    log_odds = np.where(above < 0, surely, np.where(log_odds < 0, between, np.float32(calmer) * log_odds))
-    out[:] = np.where(known, np.where(log_odds == 0, TINY, log_odds), np.float32(0))
+    above = log_odds - doubt
+    surely = doubt + surer * above
+    share = above / doubt  # -1 … 0
+    between = least + least * (share * share * share)
+    log_odds = np.where(above < 0, surely, np.where(log_odds < 0, between, calmer * log_odds))
+    return np.where(known, np.where(log_odds == 0, TINY, log_odds), np.float32(0))
 
 
 def percent(log_odds: Singles, out: NDArray[np.int8]) -> None:

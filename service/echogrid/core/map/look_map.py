@@ -7,6 +7,7 @@ their mean does not. What was measured is counted, and decides wherever there is
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +19,8 @@ from echogrid.core.evidence.raster import GridSpec, Image
 from echogrid.core.kernels.dispatch import loops
 from echogrid.core.map.footprint import Footprint
 from echogrid.core.map.measurement import GONE, REACH, Change, Measurement
-from echogrid.core.map.read_out import read_out
-from echogrid.core.map.tile import Layers
+from echogrid.core.map.read_out import RULE, read_out
+from echogrid.core.map.tile import SIDE, Layers, Tile
 from echogrid.core.map.tiled_map import LogOdds, TiledMap, View
 from echogrid.core.motion.se2 import SE2
 
@@ -88,9 +89,13 @@ class LookMap(TiledMap):
         under, tiles = self._changing(footprint, view)
         loops.add_looks(said, 1 / UPDATES, *footprint.lies, MOST_LOOKS, under, [tile.layers for tile in tiles])
 
-    def read(self, layers: Layers, into: LogOdds | None = None) -> LogOdds:
+    def read(self, layers: Layers) -> LogOdds:
         """What was learned and what was measured together, as docs/fusion.md says."""
-        return read_out(layers, self.calibration.learned, self.calibration.offset, into)
+        return read_out(layers, self.calibration.learned, self.calibration.offset)
+
+    def read_tiles(self, keys: NDArray[np.int64], tiles: Sequence[Tile], row: int, column: int, out: LogOdds) -> None:
+        said = self.calibration
+        loops.read_out(row, column, keys * SIDE, [tile.layers for tile in tiles], said.learned, said.offset, RULE, out)
 
     def learned(self, layers: Layers) -> LogOdds:
         """(H, W): the calibrated mean of what the network said alone; 0 where it said nothing."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +11,7 @@ from echogrid.core.evidence.raster import Image
 from echogrid.core.kernels.dispatch import loops
 from echogrid.core.kernels.tiles import parts
 from echogrid.core.map.footprint import Footprint
-from echogrid.core.map.tile import Layers
+from echogrid.core.map.tile import Layers, Tile
 from echogrid.core.map.tiled_map import LogOdds, TiledMap, View
 from echogrid.core.motion.se2 import SE2
 
@@ -32,12 +34,13 @@ class OccupancyMap(TiledMap):
         for (inside, piece), tile in zip(parts(under, *footprint.lies[:4]), tiles, strict=True):
             loops.add_clamped(patch[piece], self.clamp, LEAST, tile.layers[0][inside])
 
-    def read(self, layers: Layers, into: LogOdds | None = None) -> LogOdds:
-        (log_odds,) = layers
-        if into is None:
-            return np.asarray(log_odds)
-        into[:] = log_odds
-        return into
+    def read(self, layers: Layers) -> LogOdds:
+        return np.asarray(layers[0])
+
+    def read_tiles(self, keys: NDArray[np.int64], tiles: Sequence[Tile], row: int, column: int, out: LogOdds) -> None:
+        out[:] = 0
+        for (inside, piece), tile in zip(parts(keys, row, column, *out.shape), tiles, strict=True):
+            out[piece] = tile.layers[0][inside]
 
     def measured(self, layers: Layers) -> NDArray[np.bool_]:
         """All that is known: a sum does not tell what a network said from what geometry did."""

@@ -24,35 +24,19 @@ SURER, CALMER = 4.2, 0.72  # how much surer than it is said to be what is free t
 LEAST = math.log(0.106 / 0.894)  # what a cell says at least that is not free: in percent it is 11, and no rounding makes it free
 
 
-def read_out(layers: Layers, gain: float = 1.0, offset: float = 0.0, into: LogOdds | None = None) -> LogOdds:
+_ALL = LEARNED, PRIOR, SUREST, HIT, NEAR, PASS, NONE, DOUBT, FREE / (1 - FREE), SLOPE, STEEP, ALONE, ENOUGH, SURER, LEAST, CALMER
+RULE = np.array(_ALL, np.float32)  # as the loop takes it
+FIRST = np.zeros((1, 2), np.int64)  # the place of a part that is all there is
+
+
+def read_out(layers: Layers, gain: float = 1.0, offset: float = 0.0) -> LogOdds:
     """Layers (5, …) of a LookMap -> (…) log-odds of occupancy; 0 where all layers are 0, and only there.
 
-    `gain` and `offset` calibrate the mean of the network's log-odds. `into`: where they are written, if the layers are (5, H, W).
+    `gain` and `offset` calibrate the mean of the network's log-odds.
     """
     flat = layers if layers.ndim == 3 else layers.reshape(len(layers), 1, -1)
     if flat.strides[-1] != flat.itemsize:  # the loop walks along rows
         flat = np.ascontiguousarray(flat)
-    out = np.empty(flat.shape[1:], dtype=np.float32) if into is None else into
-    loops.read_out(
-        flat,
-        gain,
-        offset,
-        LEARNED,
-        PRIOR,
-        SUREST,
-        HIT,
-        NEAR,
-        PASS,
-        NONE,
-        DOUBT,
-        FREE / (1 - FREE),
-        SLOPE,
-        STEEP,
-        ALONE,
-        ENOUGH,
-        SURER,
-        LEAST,
-        CALMER,
-        out,
-    )
+    out = np.empty(flat.shape[1:], dtype=np.float32)
+    loops.read_out(0, 0, FIRST, [flat], gain, offset, RULE, out)
     return out.reshape(layers.shape[1:])

@@ -82,8 +82,12 @@ class TiledMap(ABC):
         """
 
     @abstractmethod
-    def read(self, layers: Layers, into: LogOdds | None = None) -> LogOdds:
-        """(layers, H, W) -> (H, W) log-odds of occupancy; 0 means not known, and no known cell has exactly 0. `into`: written there."""
+    def read(self, layers: Layers) -> LogOdds:
+        """(layers, H, W) -> (H, W) log-odds of occupancy; 0 means not known, and no known cell has exactly 0."""
+
+    @abstractmethod
+    def read_tiles(self, keys: NDArray[np.int64], tiles: Sequence[Tile], row: int, column: int, out: LogOdds) -> None:
+        """The same of the cells from (row, column) on into `out` (H, W), out of tiles with these keys (T, 2); 0 where there are none."""
 
     @abstractmethod
     def measured(self, layers: Layers) -> NDArray[np.bool_]:
@@ -100,11 +104,9 @@ class TiledMap(ABC):
 
     def window(self, row: int, column: int, height: int, width: int) -> LogOdds:
         """Log-odds (height, width) of the cells from (row, column) on; 0 where nothing is known."""
-        out = np.zeros((height, width), dtype=np.float32)
-        for key, inside, piece in pieces(row, column, height, width):
-            tile = self._used(key)
-            if tile is not None:
-                self.read(tile.layers[:, *inside], out[piece])
+        found = {key: tile for key in tiles_under(row, column, height, width) if (tile := self._used(key)) is not None}
+        out = np.empty((height, width), dtype=np.float32)
+        self.read_tiles(np.array([*found], np.int64).reshape(-1, 2), [*found.values()], row, column, out)
         return out
 
     def window_of_layers(self, row: int, column: int, height: int, width: int) -> Layers:
