@@ -45,9 +45,8 @@ OCCUPIED_FROM, FREE_UP_TO = round(100 * OCCUPIED), round(100 * FREE)  # percent,
 KEY_PERIOD_NS = 1_000_000_000  # a key frame goes out at the latest with the first window that is so much younger than the last one
 
 
-_TRINARY = np.full(256, -1, dtype=np.int8)  # of each percent, as a byte
-_TRINARY[: FREE_UP_TO + 1] = 0
-_TRINARY[OCCUPIED_FROM:128] = 100
+# Of each percent, as a byte: free, occupied, neither surely.
+_TRINARY = bytes(0 if cell <= FREE_UP_TO else 100 if OCCUPIED_FROM <= cell < 128 else 255 for cell in range(256))
 
 Wanted = Callable[[Topic], bool]
 MAPPED = (ODOMETRY, TRANSFORM, DETECTIONS, JUDGED, KEY, TRINARY, UPDATE, FULL)  # what a snapshot becomes
@@ -207,4 +206,4 @@ def occupancy_percent(log_odds: LogOdds) -> NDArray[np.int8]:
 
 def trinary(percent: NDArray[np.int8]) -> NDArray[np.int8]:
     """100, 0 or -1 of each of `occupancy_percent`'s cells: occupied, free, neither surely; for who takes nothing below 100 for occupied."""
-    return _TRINARY.take(percent.view(np.uint8))
+    return np.frombuffer(percent.tobytes().translate(_TRINARY), np.int8).reshape(percent.shape)
