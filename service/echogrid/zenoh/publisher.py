@@ -6,6 +6,7 @@ import hashlib
 import json
 import logging
 import re
+import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from types import TracebackType
@@ -31,6 +32,7 @@ log = logging.getLogger("echogrid")
 # Cells along a window's side from which shared memory is worth what it costs from the first subscriber on: 36 MiB, a thread that looks
 # after it 20 times a second, and what Zenoh leaves in /dev/shm. Smaller windows are as fast without.
 LARGE = 512
+QUIET = 0.2  # s: that nobody listens is not asked for more often, as it costs as much as a look at a bus; what is kept comes at once
 VIEWED = ("**", "**/@adv/**")  # `**` passes over chunks that begin with @, where the last map is asked for
 
 
@@ -75,6 +77,7 @@ class Publisher:
         self._ros = RosNode(self.session, ros)
         self._streams = {topic: [names[topic] for names in (native, self._ros.streams) if topic in names] for topic in TOPICS}
         self._fleet, self._to_fleet = Fleet(settings.fleet_hz), native[FLEET]
+        self._quiet_until = 0.0  # by time.monotonic(): it is known that nobody listens
         # They send nothing: two looks say that nobody listens to any topic, where each by itself would be seventeen.
         self._all = [self.session.declare_publisher(keys) for keys in (key(vehicle, "**"), *every_topic(ros))]
         self._alive = self.session.liveliness().declare_token(key(vehicle, ALIVE))
@@ -92,8 +95,12 @@ class Publisher:
         self._open.close()
 
     def wants(self, *topics: Topic) -> bool:
-        """As of `topics.topic.Sink`."""
+        """As of `topics.topic.Sink`; who comes when nobody else is there may be told of QUIET later."""
+        now = time.monotonic()
+        if now < self._quiet_until:
+            return False
         if not any(map(is_heard, self._all)):
+            self._quiet_until = now + QUIET
             return False
         return any(stream.heard() for topic in topics for stream in self._streams[topic]) or (FULL in topics and self._to_fleet.heard())
 
