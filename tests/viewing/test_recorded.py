@@ -168,6 +168,7 @@ KEPT = {"motion alone": range(0x300), "radars alone": range(0x300, 0x400), "stra
         ("another channel", "give log_channel = \"can7\" to the bus 'can0'"),
         ("frames alone", "nothing was published on /echogrid/map; with -c echogrid.toml the CAN frames in it are mapped"),
         ("a status alone", "nothing was published on /echogrid/map; its last status is stale; radar front: silent"),
+        ("a status of another make", "its last status is ?[2Jlost"),
         ("nothing", "drive.mcap: holds no map of echogrid: nothing was published on /echogrid/map"),
     ],
 )
@@ -186,6 +187,8 @@ def test_a_page_of_a_recording_without_a_map_says_what_is_missing(kind: str, sen
         with McapWriter(tmp_path / "drive.mcap") as recording:
             if kind == "frames alone":
                 recording.frame("can0", stranger)
+            if kind == "a status of another make":
+                recording.put(Message(STATUS, b'{"state": "\\u001b[2Jlost", "reasons": 5}', 1, 0, 0))
             if kind == "a status alone":
                 recording.put(Message(STATUS, json.dumps(status("stale", "radar front: silent")).encode(), 1, 0, 0))
         feed = McapFeed(tmp_path / "drive.mcap")

@@ -30,6 +30,7 @@ from echogrid.viewing.wire import Plane
 
 SECOND = 10**9  # ns
 UNKNOWN, LEARNED, MEASURED = 0, 1, 2
+MOST_TOLD = 300  # letters of a status in a sentence
 
 
 class DriveFeed:
@@ -166,7 +167,9 @@ class McapFeed:
     def _why_no_map(self) -> str:
         said = ["nothing was published on /echogrid/map"]
         if self._status is not None:
-            said.append("; ".join(map(str, (f"its last status is {self._status.get('state')}", *self._status.get("reasons", ())))))
+            reasons = self._status.get("reasons")
+            told = "; ".join(map(str, (self._status.get("state"), *(reasons if isinstance(reasons, list) else ()))))[:MOST_TOLD]
+            said.append(f"its last status is {''.join(letter if letter.isprintable() else '?' for letter in told)}")
         if self._published.frames:
             said.append("with -c echogrid.toml the CAN frames in it are mapped")
         return "; ".join(said)
