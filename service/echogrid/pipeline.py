@@ -51,10 +51,11 @@ class Pipeline:
         """Frames (N,) of buses (N,), by their number in the configuration or UNKNOWN_BUS; step by step how many of them were taken, and
         the map's next state where it has changed: behind the frame that ended a cycle, and at the end of each piece."""
         for end, found in self.signals.pieces(batch, buses, self.mapper.span):
+            now_ns, last = self.signals.newest_ns, end - 1
             for place, item in found:
-                for update in self.mapper.take(item, self.signals.newest_ns if place == end - 1 else None):
+                for update in self.mapper.take(item, now_ns if place == last else None):
                     yield place + 1, update
-            yield end, None if self.signals.newest_ns is None else self.mapper.update(self.signals.newest_ns)
+            yield end, None if now_ns is None else self.mapper.update(now_ns)
 
     def updates(self, batches: Iterable[FrameBatch]) -> Iterator[MapUpdate]:
         """The map's states that a recording gives, which says itself of which buses its frames are."""

@@ -119,7 +119,7 @@ class Mapper:
     def on_motion(self, motion: EgoMotion) -> None:
         """A sample that cannot be true is left out; one that does not continue those before begins a new map."""
         verdict = self.watch.motion.judge(motion)
-        if verdict in NEW_MAP:
+        if verdict is not GOOD and verdict in NEW_MAP:
             self._start_new_map(f"ego motion: {verdict.value}", motion.stamp_ns)
             verdict = self.watch.motion.judge(motion)
         if verdict is GOOD:
@@ -130,15 +130,15 @@ class Mapper:
             self.health.motion_dropped += 1
 
     def on_scan(self, scan: RadarScan) -> None:
-        sensor = self.health.sensors[scan.sensor]
-        late = scan.received_ns - scan.stamp_ns > self.max_age_ns
-        if late or scan.stamp_ns <= self.newest_ns.get(scan.sensor, scan.stamp_ns - 1):
+        name, stamp_ns, newest_ns = scan.sensor, scan.stamp_ns, self.newest_ns
+        sensor = self.health.sensors[name]
+        if scan.received_ns - stamp_ns > self.max_age_ns or (name in newest_ns and stamp_ns <= newest_ns[name]):
             sensor.late += 1
             return
-        self.newest_ns[scan.sensor] = scan.stamp_ns
+        newest_ns[name] = stamp_ns
         sensor.complete += 1
-        self.watch.radars[scan.sensor].hear(scan)
-        self.health.detections += len(scan)
+        self.watch.radars[name].hear(scan)
+        self.health.detections += len(scan.range)
         self.gathering.hear(scan)
         self.pending.append(scan)
 
@@ -170,7 +170,8 @@ class Mapper:
         self._hear(item)
 
     def _hear(self, item: EgoMotion | PoseFix) -> None:
-        self.learn()
+        if self._untaught is not None:
+            self.learn()
         if isinstance(item, PoseFix):
             self.on_pose(item)
         else:
@@ -183,11 +184,13 @@ class Mapper:
 
     def update(self, now_ns: int) -> MapUpdate | None:
         """Ends the cycle if it is whole, or its time is up; the map's next state, or None where there was nothing to add."""
-        self.learn()
+        if self._untaught is not None:
+            self.learn()
         gathering = self.gathering
-        if gathering.begin_ns is not None and now_ns < gathering.begin_ns - BACK_NS:
+        begin_ns = gathering.begin_ns
+        if begin_ns is not None and now_ns < begin_ns - BACK_NS:
             self._start_new_map("the clock was set back", now_ns)
-        elif gathering.begin_ns is not None and not gathering.is_whole(now_ns, self._awaited()):
+        elif begin_ns is not None and (now_ns < gathering.settled_ns or not gathering.is_whole(now_ns, self._awaited())):
             return None
         gathering.end(now_ns, empty=not self.pending)
         return self.end_cycle()
@@ -250,9 +253,9 @@ class Mapper:
         self.watch.restart(why)
         self.epoch += 1
 
-    def _awaited(self) -> Iterator[str]:
+    def _awaited(self) -> list[str]:
         """Radars whose scans a cycle waits for: those that are trusted."""
-        return (name for name, radar in self.watch.radars.items() if not radar.doubts)
+        return [name for name, radar in self.watch.radars.items() if not radar.doubts]
 
     def _place(self, scans: list[RadarScan]) -> list[PlacedScan]:
         """The scans with where the car was when each was measured; those without are counted."""

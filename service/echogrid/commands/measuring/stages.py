@@ -24,6 +24,7 @@ WARM = 20  # updates that are not counted
 MAPPER = {
     "on_motion": "motion to poses",
     "on_scan": "scans taken in",
+    "update": "whether the cycle is over",
     "end_cycle": "places of detections, movers and the rest",
     "_place": "where the car was at each scan",
     "_trusted": "gate by range rate; which radars and motion are trusted",
