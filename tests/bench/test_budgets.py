@@ -30,7 +30,7 @@ LOOP_GROWTH = 2.5  # of a loop
 TURNS, ROUNDS = 8, 6  # of a loop: a round that is within the budget ends it
 # Calls in an update.
 CALLS: dict[str, float] = {
-    "motion to poses": 292,
+    "motion to poses": 216,
     "frames to scans and motion": 278,
     "gate by range rate; which radars and motion are trusted": 113,
     "messages to publish": 66,
@@ -41,7 +41,7 @@ CALLS: dict[str, float] = {
     "the gyro's bias, by what is seen again": 33,
     "measured, into the tiles": 41,
     "whether the cycle is over": 86,
-    "where the car was at each scan": 46,
+    "where the car was at each scan": 34,
     "errors of wheels and mounts, by Doppler": 26,
     "answer into the tiles": 32,
     "planes for the network": 23,

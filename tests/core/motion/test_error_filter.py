@@ -267,8 +267,6 @@ def test_what_errors_may_be_is_as_the_document_says() -> None:
 def test_accelerations_are_of_the_last_fifth_of_a_second() -> None:
     errors, told = ErrorFilter(tuple(MOUNTS)), []
     for speed, yaw_rate in ((5.0, 0.1), (6.0, 0.3), (6.0, 0.3), (5.5, 0.2)):
-        leg = Leg(IDENTITY)
-        leg.add(SMOOTHED, speed, yaw_rate, 0.0)
-        errors._accelerate(leg)
+        errors._accelerate(Leg(IDENTITY, SMOOTHED, SMOOTHED * speed, SMOOTHED * yaw_rate))
         told.append((errors.acceleration, errors.turn_acceleration))
     np.testing.assert_allclose(told, [(0.0, 0.0), (5.0, 1.0), (0.0, 0.0), (-2.5, -0.5)], atol=1e-9)

@@ -63,7 +63,8 @@ class ErrorFilter:
         self._smooth: tuple[float, float] | None = None
         self._unseen = 0.0  # rad that the car turned while its wheels showed 0
         self._leg: Leg | None = None
-        self._window: list[Leg] = []
+        self._window: Leg | None = None
+        self._turning = 0.0  # rad/s, of its first leg
         self._wheels_differ = False
         self._before: tuple[float, float] | None = None  # yaw rate and difference of the last window
         self._votes = 0  # windows in which the wheels' difference changed with the yaw rate, less those in which it did not
@@ -73,8 +74,7 @@ class ErrorFilter:
         self.mean[:POSE] = 0.0
         self.covariance[:POSE] = 0.0
         self.covariance[:, :POSE] = 0.0
-        self._leg, self._smooth, self._unseen = None, None, 0.0
-        self._window.clear()
+        self._leg, self._window, self._smooth, self._unseen = None, None, None, 0.0
 
     def keep(self) -> Kept:
         """For another drive of the same car."""
@@ -120,7 +120,10 @@ class ErrorFilter:
         leg = self._leg
         if leg is None:
             leg = self._leg = Leg(before)
-        leg.add(seconds, speed, yaw_rate, difference)
+        leg.seconds += seconds
+        leg.speed += seconds * speed
+        leg.yaw_rate += seconds * yaw_rate
+        leg.difference += seconds * difference
         if leg.seconds >= STEP:
             self._leg = None
             self._accelerate(leg)
@@ -151,11 +154,11 @@ class ErrorFilter:
         return left
 
     def _accelerate(self, leg: Leg) -> None:
-        now = leg.speed / leg.seconds, leg.yaw_rate / leg.seconds
-        before = now if self._smooth is None else self._smooth
-        self.acceleration, self.turn_acceleration = ((new - old) / SMOOTHED for new, old in zip(now, before, strict=True))
+        speed, yaw_rate = leg.speed / leg.seconds, leg.yaw_rate / leg.seconds
+        old_speed, old_rate = (speed, yaw_rate) if self._smooth is None else self._smooth
+        self.acceleration, self.turn_acceleration = (speed - old_speed) / SMOOTHED, (yaw_rate - old_rate) / SMOOTHED
         share = min(leg.seconds / SMOOTHED, 1.0)
-        self._smooth = before[0] + share * (now[0] - before[0]), before[1] + share * (now[1] - before[1])
+        self._smooth = old_speed + share * (speed - old_speed), old_rate + share * (yaw_rate - old_rate)
 
     def _spread(self, leg: Leg, after: SE2) -> None:
         """Mean and covariance after a leg."""
@@ -178,13 +181,16 @@ class ErrorFilter:
         self._unseen = 0.0
         x, y = dx / length, dy / length
         along, side = model.ALONG_NOISE**2 * length, model.SIDE_NOISE**2 * length
-        mixed = (along - side) * (x * y)
-        self.covariance[:HEADING, :HEADING] += ((side + (along - side) * (x * x), mixed), (mixed, side + (along - side) * (y * y)))
-        self.covariance[HEADING, HEADING] += model.HEADING_NOISE**2 * seconds + model.TURN_NOISE**2 * abs(turn)
+        mixed, covariance = (along - side) * (x * y), self.covariance
+        covariance[X, X] += side + (along - side) * (x * x)
+        covariance[X, Y] += mixed
+        covariance[Y, X] += mixed
+        covariance[Y, Y] += side + (along - side) * (y * y)
+        covariance[HEADING, HEADING] += model.HEADING_NOISE**2 * seconds + model.TURN_NOISE**2 * abs(turn)
 
     def _bound(self) -> None:
         """However long nothing was learned of an error, as by a car that stands for days: it is not as large as one likes."""
-        over = np.flatnonzero(self.covariance.diagonal() > self._most)
+        over = (self.covariance.diagonal() > self._most).nonzero()[0]
         if len(over):
             shrink = np.ones(len(self.mean))
             shrink[over] = np.sqrt(self._most[over] / self.covariance.diagonal()[over])
@@ -202,18 +208,20 @@ class ErrorFilter:
 
     def _compare(self, leg: Leg) -> None:
         """The wheels' difference with the gyro, over a window of legs: a bias is there at any speed, uneven wheels grow with it."""
-        window = self._window
         self._wheels_differ |= leg.difference != 0.0  # else both wheels are one and the same signal
         if self.learns != "driving" or not self._wheels_differ or abs(leg.speed) < SLOWEST * leg.seconds:
-            window.clear()
+            self._window = None
             return
-        window.append(leg)
-        whole = Leg.joined(window)
+        turning, whole = leg.yaw_rate / leg.seconds, self._window
+        if whole is None:
+            whole, self._turning = Leg(leg.begin), turning
+        whole.join(leg)
         if whole.seconds < WINDOW - STEP / 2:
+            self._window = whole
             return
+        self._window = None
         speed, yaw_rate, difference = (value / whole.seconds for value in (whole.speed, whole.yaw_rate, whole.difference))
-        change = (window[-1].yaw_rate / window[-1].seconds - window[0].yaw_rate / window[0].seconds) / whole.seconds
-        window.clear()
+        change = (turning - self._turning) / whole.seconds
         if not self._go_together(yaw_rate, difference):
             return
         track, turned = float(self.mean[TRACK]), yaw_rate * (1.0 + float(self.mean[TURN_SCALE])) - float(self.mean[BIAS])

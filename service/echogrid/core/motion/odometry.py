@@ -68,11 +68,11 @@ class Odometry:
             if yaw_rate is not None and motion.stamp_ns <= yaw_rate.stamp_ns:
                 return False
             self.yaw_rate = yaw_rate = motion
-            standing = speed is not None and abs(speed.speed) < STANDSTILL
+            standing = speed is not None and -STANDSTILL < speed.speed < STANDSTILL
             stood = self.standstill.add(motion.stamp_ns, motion.yaw_rate, standing=standing)
             if stood is not None:
                 self.errors.stood(*stood)
-        if speed is not None and yaw_rate is not None and abs(speed.stamp_ns - yaw_rate.stamp_ns) <= self.max_hold_ns:
+        if speed is not None and yaw_rate is not None and -self.max_hold_ns <= speed.stamp_ns - yaw_rate.stamp_ns <= self.max_hold_ns:
             self._move(motion.stamp_ns, speed, yaw_rate.yaw_rate)
         return True
 
@@ -93,13 +93,14 @@ class Odometry:
         if index == len(self.states):
             if step_ns > self.max_extrapolation_ns:
                 return None
-            return EgoState(stamp_ns, _ahead(before, before.speed, before.yaw_rate, step_ns), before.speed, before.yaw_rate)
+            pose = before.odom_from_base.ahead(before.speed * step_ns * NS, before.yaw_rate * step_ns * NS)
+            return EgoState(stamp_ns, pose, before.speed, before.yaw_rate)
         after = self.states[index]
         length_ns = after.stamp_ns - before.stamp_ns
         if length_ns > self.max_gap_ns:
             return None
-        share = step_ns / length_ns
-        pose = _ahead(before, (before.speed + after.speed) / 2, (before.yaw_rate + after.yaw_rate) / 2, step_ns)
+        share, speed, yaw_rate = step_ns / length_ns, (before.speed + after.speed) / 2, (before.yaw_rate + after.yaw_rate) / 2
+        pose = before.odom_from_base.ahead(speed * step_ns * NS, yaw_rate * step_ns * NS)
         return EgoState(
             stamp_ns,
             pose,
@@ -109,33 +110,23 @@ class Odometry:
 
     def _move(self, stamp_ns: int, wheels: Speed, gyro: float) -> None:
         speed, yaw_rate = self.errors.corrected(wheels.speed, gyro)
-        if abs(wheels.speed) < STANDSTILL:
+        if -STANDSTILL < wheels.speed < STANDSTILL:
             yaw_rate = 0.0
-        if not self.states:
-            self._keep(EgoState(stamp_ns, IDENTITY, speed, yaw_rate))
-            return
-        before = self.states[-1]
-        step_ns = stamp_ns - before.stamp_ns
-        if step_ns <= 0:
-            return
-        pose = before.odom_from_base
-        if step_ns > self.max_gap_ns:
-            self.gaps += 1
-        else:
-            mean_speed = (before.speed + speed) / 2
-            pose = _ahead(before, mean_speed, (before.yaw_rate + yaw_rate) / 2, step_ns)
-            self.distance += abs(mean_speed) * step_ns * NS
-            self.errors.travel(before.odom_from_base, pose, step_ns * NS, wheels.speed, gyro, wheels.difference)
-        self._keep(EgoState(stamp_ns, pose, speed, yaw_rate))
-        if stamp_ns - self._stamps[0] > 2 * self.history_ns:  # cut in large pieces: cutting a list moves all of it
-            keep = bisect_right(self._stamps, stamp_ns - self.history_ns)
-            del self.states[: keep - 1], self._stamps[: keep - 1]
-
-    def _keep(self, state: EgoState) -> None:
-        self.states.append(state)
-        self._stamps.append(state.stamp_ns)
-
-
-def _ahead(before: EgoState, speed: float, yaw_rate: float, step_ns: int) -> SE2:
-    """`odom_from_base` after `step_ns` of this motion: an exact arc."""
-    return before.odom_from_base.ahead(speed * step_ns * NS, yaw_rate * step_ns * NS)
+        states, stamps, pose = self.states, self._stamps, IDENTITY
+        if states:
+            before = states[-1]
+            pose, step_ns = before.odom_from_base, stamp_ns - before.stamp_ns
+            if step_ns <= 0:
+                return
+            if step_ns > self.max_gap_ns:
+                self.gaps += 1
+            else:
+                begin, mean_speed, mean_rate = pose, (before.speed + speed) / 2, (before.yaw_rate + yaw_rate) / 2
+                pose = begin.ahead(mean_speed * step_ns * NS, mean_rate * step_ns * NS)
+                self.distance += abs(mean_speed) * step_ns * NS
+                self.errors.travel(begin, pose, step_ns * NS, wheels.speed, gyro, wheels.difference)
+        states.append(EgoState(stamp_ns, pose, speed, yaw_rate))
+        stamps.append(stamp_ns)
+        if stamp_ns - stamps[0] > 2 * self.history_ns:  # cut in large pieces: cutting a list moves all of it
+            keep = bisect_right(stamps, stamp_ns - self.history_ns)
+            del states[: keep - 1], stamps[: keep - 1]
