@@ -31,7 +31,7 @@ TURNS, ROUNDS = 8, 6  # of a loop: a round that is within the budget ends it
 # Calls in an update.
 CALLS: dict[str, float] = {
     "motion to poses": 216,
-    "frames to scans and motion": 278,
+    "frames to scans and motion": 162,
     "gate by range rate; which radars and motion are trusted": 113,
     "messages to publish": 66,
     "scans taken in": 100,

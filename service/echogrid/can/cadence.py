@@ -53,11 +53,11 @@ class Cadence:
             self._first += [elapsed / counted] if elapsed > 0 else []
             self._period = median(self._first) if len(self._first) == FIRST else 0.0
             return
-        step = elapsed / counted
+        period, step = self._period, elapsed / counted
         self._lately.append(step)
         self._for += step
-        periods = round(elapsed / self._period)
-        if periods != counted:
+        if not -0.5 < elapsed / period - counted < 0.5:
+            periods = round(elapsed / period)
             rounds, off = divmod(periods - counted + 1, self.size)
             assumed = rounds * self.size if off <= 2 else 0  # the counter went round, or back: two in the wrong order
             skipped = periods - counted - assumed
@@ -69,16 +69,18 @@ class Cadence:
             self._left_out = 0
         if counted <= 0:
             self.missing = 0
-        lag = self.lag + elapsed - counted * self._period
-        if self._left_out and (early := min(round(-lag / self._period), self._left_out)) > 0:  # no frame comes before it is sent
+        lag = self.lag + elapsed - counted * period
+        if self._left_out and (early := min(round(-lag / period), self._left_out)) > 0:  # no frame comes before it is sent
             self._left_out -= early
-            lag += early * self._period
+            lag += early * period
         if -JUMP < lag < JUMP:
             lag -= lag * GAIN
-            if counted > 0 and self._steady and (abs(elapsed / counted - self._period) < REGULAR * self._period or self._steps < 3):
-                if self._steps < STEPS:
-                    self._steps = min(self._steps + 1.0, STEPS)
-                self._period += (elapsed / counted - self._period) / self._steps
+            if counted > 0 and self._steady:
+                longer, most = elapsed / counted - period, REGULAR * period
+                if -most < longer < most or self._steps < 3:
+                    if self._steps < STEPS:
+                        self._steps += 1.0
+                    self._period = period + longer / self._steps
         self.lag = lag if -LONGEST < lag < LONGEST else 0.0
         if self._for >= LATELY and len(self._lately) >= FEWEST:
             self._correct_period()
@@ -86,7 +88,9 @@ class Cadence:
     @property
     def missed(self) -> int:
         """As `missing`, but no more than the time before the last one had room for."""
-        return min(self.missing, max(round(self._elapsed / self._period) - 1, 0)) if self._period else self.missing
+        if not self.missing or not self._period:
+            return self.missing
+        return min(self.missing, max(round(self._elapsed / self._period) - 1, 0))
 
     def _correct_period(self) -> None:
         """The first steps may have been a stall: median and mean of the last ones must not both say otherwise.
@@ -94,7 +98,8 @@ class Cadence:
         Where most steps are irregular, those that are like the period would draw it to where they are most: then it follows the mean.
         """
         mean, middle = self._for / len(self._lately), median(self._lately)
-        regular = sum(abs(step - middle) < REGULAR * middle for step in self._lately) / len(self._lately)
+        most = REGULAR * middle
+        regular = sum([-most < step - middle < most for step in self._lately]) / len(self._lately)
         self._steady = regular > STEADY
         if min(mean, middle) > (1 + REGULAR) * self._period or max(mean, middle) < (1 - REGULAR) * self._period:
             self._period, self._steps, self.lag = mean, 1.0, 0.0

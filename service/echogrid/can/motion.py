@@ -103,7 +103,7 @@ class MotionReader:
         check, wheels, turns = self.checks[frame_id], frame_id == self.wheel_id, frame_id == self.yaw_id
         if check.counter is not None and counter == check.last:
             raise ValueError("repeated counter")
-        if (wheels and math.isnan(left + right)) or (turns and math.isnan(yaw_rate)):
+        if (wheels and left + right != left + right) or (turns and yaw_rate != yaw_rate):  # not itself: NaN
             raise ValueError("invalid value")
         continues = check.accept(counter, received_ns)
         self.health.lost_frames += check.missing
@@ -128,13 +128,9 @@ class FrameCheck:
         self.counter = dbc.integer(message, counter, f"{key}.counter") if counter else None
         self.crc: Checksum | None = dbc.checksum(message, crc.signal, crc.algorithm, f"{key}.crc", crc.data_ids) if crc else None
         self.last: int | None = None
+        self.missing = 0  # frames between the last two, by their counters
         self._jumped: tuple[int, float] | None = None  # when, and the lag before
-        self.cadence = Cadence(self.counter.length) if self.counter is not None else None
-
-    @property
-    def missing(self) -> int:
-        """Frames between the last two, by their counters."""
-        return 0 if self.cadence is None else self.cadence.missing
+        self._cadence = Cadence(self.counter.length) if self.counter is not None else None
 
     def payload(self, data: bytes) -> bytes:
         """The frame's bytes that are read; raises ValueError if they are bad."""
@@ -156,17 +152,18 @@ class FrameCheck:
 
         An adapter that stamps frames in a process stamps those that waited for it late, all at once: then nothing has jumped.
         """
-        if self.counter is None or self.cadence is None:
+        cadence = self._cadence
+        if cadence is None:
             return True
-        self.last = number
-        before = self.cadence.lag
-        self.cadence.add(number, received_ns)
-        if self._jumped is None and abs(self.cadence.lag - before) >= JUMP:
-            self._jumped = received_ns, before
+        before = cadence.lag
+        cadence.add(number, received_ns)
+        self.last, self.missing = number, cadence.missing
         if self._jumped is None:
-            return True
+            if -JUMP < cadence.lag - before < JUMP:
+                return True
+            self._jumped = received_ns, before
         since_ns, lag = self._jumped
-        caught_up = abs(self.cadence.lag - lag) < JUMP
+        caught_up = -JUMP < cadence.lag - lag < JUMP
         if not caught_up and received_ns - since_ns < CATCH_UP_NS:
             return None
         self._jumped = None
