@@ -56,7 +56,7 @@ SHARES: dict[str, float] = {
     "assemble": 0.007,
     "bilinear": 0.164,
     "common_motion": 0.103,
-    "deviations": 0.094,
+    "deviations": 0.06,
     "differing": 0.46,
     "draw_looks": 0.071,
     "draw_now": 0.049,
@@ -71,12 +71,12 @@ SHARES: dict[str, float] = {
     "note_views": 0.166,
     "odds": 0.065,
     "percent": 0.165,
-    "placed": 0.15,
+    "placed": 0.08,
     "possible": 0.296,
     "read_out": 0.066,
-    "recalled": 0.2,
-    "sensors": 0.1,
-    "standing": 0.1,
+    "recalled": 0.21,
+    "sensors": 0.085,
+    "standing": 0.035,
 }
 
 COMPARED = pytest.mark.skipif(

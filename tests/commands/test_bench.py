@@ -88,7 +88,7 @@ def test_what_the_loops_are_given_is_noted_and_they_are_put_back() -> None:
     assert {name: work for name, work in vars(dispatch.loops).items() if name in NAMES} == {name: before[name] for name in NAMES}
     assert set(calls) == NAMES - {"usual"}  # the car drives
     assert {len(some) for some in calls.values()} == {2}
-    (times,) = turned("moved", calls["moved"], (reference,), 3)
+    (times,) = turned("placed", calls["placed"], (reference,), 3)
     assert len(times) == 3
     assert min(times) > 0
 

@@ -127,7 +127,8 @@ static PyObject *done(Given *given) {
     Py_RETURN_NONE;
 }
 
-/* Loops that gain from wider registers, with the same results: chosen when the module is loaded. */
+/* Loops that gain from wider registers, with the same results: chosen when the module is loaded. None may turn points that lie as pairs,
+ * x and y: of c * x - s * y beside s * x + c * y gcc 12 makes vfmaddsub there, whatever -ffp-contract says. */
 #if defined(__x86_64__) && defined(__GLIBC__) && !defined(__clang__) && __GNUC__ >= 12
 #define WIDE __attribute__((target_clones("arch=x86-64-v4", "avx2", "default")))
 #elif defined(__x86_64__) && defined(__GLIBC__) && !defined(__clang__)
