@@ -34,7 +34,7 @@ class Sample(NamedTuple):
     @property
     def updates(self) -> int:
         """In which there are enough calls, also of a loop that is called at every second update."""
-        return self.first + 2 * self.some * self.every
+        return 2 * (self.first + self.some * self.every)
 
 
 SAMPLE = Sample()
