@@ -14,7 +14,7 @@ from tests.support import world
 from tests.support.program import echogrid
 
 from echogrid.store import claim
-from echogrid.store.claim import Claim, HeldError, check_free, claimed
+from echogrid.store.claim import Claim, HeldError, check_free
 from echogrid.store.tile_store import TileStore
 
 HOLDER = """
@@ -22,6 +22,7 @@ import sys
 from pathlib import Path
 from echogrid.store.claim import Claim
 held = Claim(Path(sys.argv[1]))
+held.hold()
 print("held", flush=True)
 sys.stdin.read()
 """
@@ -41,7 +42,7 @@ def test_who_holds_it_is_named_and_one_that_is_killed_leaves_nothing_behind(path
         assert holder.stdout is not None
         assert holder.stdout.readline() == "held\n"
         with pytest.raises(HeldError) as refused:
-            Claim(path)
+            Claim(path).hold()
         said = f"is being written by process {holder.pid} (echogrid run -c e.toml): wait for its end, or name another file"
         assert str(refused.value) == f"{path}: {said}"
         holder.kill()
@@ -54,18 +55,19 @@ def test_without_the_kernels_list_it_is_another_process(path: Path, monkeypatch:
         raise PermissionError
 
     held = Claim(path)
+    held.hold()
+    held.hold()
     monkeypatch.setattr(claim.Path, "read_text", closed)
     with pytest.raises(HeldError, match="is being written by another process: wait"):
         check_free(path)
-    held.close()
+    held.release()
+    held.release()
     check_free(path)
 
 
 def test_what_is_no_file_is_nobodys(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
-    assert claimed(tmp_path / "none.egmap") is None
-    assert claimed(tmp_path / "none" / "none.egmap") is None
-    for name in ("pipe", "."):  # the store says what they are
+    for name in ("pipe", ".", "none.egmap", "none/none.egmap"):  # the store says what they are
         check_free(tmp_path / name)
 
 
@@ -74,8 +76,11 @@ def test_a_file_system_without_locks_refuses_nobody(path: Path, monkeypatch: pyt
         raise OSError(37, "No locks available")
 
     monkeypatch.setattr(claim.fcntl, "flock", none)
-    for held in (Claim(path), Claim(path)):
-        held.close()
+    claims = (Claim(path), Claim(path))
+    for held in claims:
+        held.hold()
+    for held in claims:
+        held.release()
 
 
 def test_a_second_keeper_is_refused_and_the_first_goes_on(tmp_path: Path) -> None:
@@ -115,6 +120,7 @@ def test_every_writer_is_refused_before_it_begins(words: str, path: Path, port: 
         tmp_path / "drive", world.record(world.straight(5.0), [world.standing([(9.0, 4.0)])], 0.5), world.CONFIG + tables
     )
     held = Claim(path)
+    held.hold()
     with TileStore(path) as store:  # who only reads is not concerned
         assert store.numbers() == []
     done = echogrid(*words.format(drive=drive, store=path).split(), *(() if words[:3] == "run" else ("--out", tmp_path / "out")))
@@ -123,7 +129,7 @@ def test_every_writer_is_refused_before_it_begins(words: str, path: Path, port: 
     assert "live on" not in done.stderr
     checked = echogrid("check", "-c", drive / "echogrid.toml")  # beside a service that runs
     assert checked.returncode == 0, checked.stderr
-    held.close()
+    held.release()
     with TileStore(path) as store:
         assert (store.numbers(), store.next_epoch()) == ([], 1)
 

@@ -17,41 +17,48 @@ class HeldError(StoreError):
 
 
 class Claim:
-    """A lock of the kernel's on a store's file, which ends with the process, or with `close`: none is left behind by one that was killed.
+    """Remembers the file that it holds: by a lock of the kernel's, which ends with the process, however that ends, or with `release`.
 
-    Who closes it has closed its connections to the file before: SQLite's own locks go with any descriptor that is closed.
+    Who releases it has closed its connections to the file before: SQLite's own locks go with any descriptor that is closed.
     """
 
     def __init__(self, path: Path) -> None:
-        """Raises HeldError naming who has it, and OSError where the file cannot be opened. A file system without locks gives it to all."""
-        self._file = os.open(path, os.O_RDONLY | os.O_NONBLOCK)  # a pipe is not waited for
-        self.inode = os.fstat(self._file).st_ino
+        self._path = path
+        self._file: int | None = None
+
+    def hold(self) -> None:
+        """The file that is there now, and no more one that was there before; nothing where there is none that can be opened. A file system
+        without locks gives it to all. Raises HeldError naming who has it."""
+        if self._file is not None and self._is_there(self._file):
+            return
+        self.release()
+        with suppress(OSError):
+            self._file = os.open(self._path, os.O_RDONLY | os.O_NONBLOCK)  # a pipe is not waited for
+            try:
+                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                holder = _holder(os.fstat(self._file).st_ino)
+                self.release()
+                raise HeldError(f"{self._path}: is being written by {holder}: wait for its end, or name another file") from None
+
+    def release(self) -> None:
+        """A second time does nothing."""
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
+
+    def _is_there(self, file: int) -> bool:
         try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            self.close()
-            raise HeldError(f"{path}: is being written by {_holder(self.inode)}: wait for its end, or name another file") from None
+            return os.path.samestat(os.fstat(file), self._path.stat())
         except OSError:
-            pass
-
-    def close(self) -> None:
-        """Once."""
-        os.close(self._file)
-
-
-def claimed(path: Path) -> Claim | None:
-    """None where there is no file yet, or none that can be opened. Raises HeldError."""
-    try:
-        return Claim(path)
-    except OSError:
-        return None
+            return False
 
 
 def check_free(path: Path) -> None:
     """Raises HeldError where another process writes it. Not for a file to which this process has connections."""
-    claim = claimed(path)
-    if claim is not None:
-        claim.close()
+    claim = Claim(path)
+    claim.hold()
+    claim.release()
 
 
 def _holder(inode: int) -> str:

@@ -15,7 +15,7 @@ from typing import Self
 from echogrid.config import tables as config
 from echogrid.core.map.tile import Tile, TileKey
 from echogrid.core.map.tiled_map import TiledMap
-from echogrid.store.claim import Claim, HeldError, claimed
+from echogrid.store.claim import Claim
 from echogrid.store.epoch import Description
 from echogrid.store.store_file import ForeignFileError, State, StoreError
 from echogrid.store.tile_data import unpacked
@@ -74,9 +74,9 @@ class TileKeeper:
         self._readers: dict[str, TileStore] = {}  # a connection of its own for the mapping, and one for all others
         self._read_from = 0  # the file's inode, of the newest of these
         self._asking = threading.Lock()
-        self._claim: Claim | None = None
+        self._claim = Claim(path)
         self.epoch = self._first_epoch()
-        self._claim = self._claim or claimed(path)
+        self._claim.hold()
         self._begun_ns = {self.epoch: description.begun_ns}  # of the running epoch, and of those before it that wait
         self._ended_ns: dict[int, int] = {}  # of those before it: the newest update that is in them
         self._begun: set[int] = set()  # of these: those that the file has
@@ -93,7 +93,7 @@ class TileKeeper:
         self.flush()
         self._close_readers()
         self._close_writer()  # last, so that it leaves one file, with nothing beside it
-        self._give_up_claim()
+        self._claim.release()
 
     def run(self, stop: threading.Event) -> None:
         """Flushes whenever that is due, until `stop`."""
@@ -192,16 +192,11 @@ class TileKeeper:
             self._close_writer()
         if self._readers and now not in (0, self._read_from):
             self._close_readers()  # a file that was removed takes its room on the disk as long as it is open
-        if self._claim is not None and self._claim.inode != now:
-            self._give_up_claim()
+        self._claim.hold()
         if self._writer is None:
             store = TileStore(self.path, write=True)
-            try:
-                self._claim = self._claim or claimed(self.path)
-            except HeldError:
-                store.close()
-                raise
             self._writer = store, _inode(self.path)
+            self._claim.hold()  # where it was made just now
             held = set(store.tiles(self.epoch)) if self._stored else set()
             if held != self._stored:
                 self._close_readers()
@@ -307,11 +302,6 @@ class TileKeeper:
             with suppress(StoreError):
                 self._writer[0].close()
             self._writer = None
-
-    def _give_up_claim(self) -> None:
-        if self._claim is not None:
-            self._claim.close()
-            self._claim = None
 
     def _tell(self, state: State, reason: str) -> None:
         """The journal of a change."""
