@@ -29,6 +29,7 @@ from echogrid.live.service import Service
 from echogrid.logs.log import Log
 from echogrid.pipeline import Pipeline
 from echogrid.topics.announcer import MAPPED, Announcer, Snapshots, occupancy_percent, trinary
+from echogrid.topics.cdr import StampError
 from echogrid.topics.diagnostic_array import decode_diagnostics
 from echogrid.topics.diagnostics import diagnostics
 from echogrid.topics.grids import decode_grid
@@ -178,6 +179,8 @@ def test_what_nobody_wants_is_not_made_and_what_is_kept_is(pipeline: Pipeline) -
     assert {topic for topic in TOPICS if topic not in MAPPED} == {STATUS, DIAGNOSTICS, META}
     status = {"epoch": 0}
     assert [message.topic for message in announcer.status(status, 1, wanted.__contains__)] == [STATUS]
+    with pytest.raises(StampError, match="set the clock"):
+        next(announcer.status(status, 2**31 * 10**9, wanted.__contains__))
 
 
 class Full:

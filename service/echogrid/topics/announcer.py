@@ -18,6 +18,7 @@ from echogrid.core.map.tiled_map import FREE, OCCUPIED, LogOdds
 from echogrid.core.mapper import Mapper, MapUpdate
 from echogrid.core.messages import Floats
 from echogrid.core.motion.error_filter import Certainty
+from echogrid.topics.cdr import encode_header
 from echogrid.topics.diagnostic_array import encode_diagnostics
 from echogrid.topics.diagnostics import diagnostics
 from echogrid.topics.grids import Grid, GridUpdate, encode_grid, encode_update
@@ -157,7 +158,11 @@ class Announcer:
         yield message(FULL, self._grid(stamp_ns, snapshot.window, seen[snapshot.window.within(snapshot.seen)]))
 
     def status(self, status: Mapping[str, Any], stamp_ns: int, wanted: Wanted = everything) -> Iterator[Message]:
-        """The service's status, taken at `stamp_ns`, for programs, and for ROS where that is wanted."""
+        """The service's status, taken at `stamp_ns`, for programs, and for ROS where that is wanted.
+
+        Raises StampError in either case: that the clock is wrong is said at once, not when the first node listens.
+        """
+        encode_header(stamp_ns, "")
         epoch = status["epoch"]
         yield Message(STATUS, msgspec.json.encode(status), stamp_ns, epoch, 0)
         if wanted(DIAGNOSTICS):
