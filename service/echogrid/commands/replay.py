@@ -176,7 +176,7 @@ def replay(
         if not pipeline.health.cycles:
             if recording is not None:
                 recording.discard()
-            why = "; ".join(faults) or why_none(pipeline, traffic)
+            why = "; ".join(faults) or traffic.why_no_map(pipeline.health, pipeline.state(0).reasons)
             if torn is None:
                 recorder.write(out, truth, faults, [*log.account.notes, *log.times.notes(), *beside])
             raise no_map(drive, why, torn)
@@ -257,7 +257,3 @@ def nothing_known(drive: Drive, pipeline: Pipeline, traffic: Traffic, torn: Echo
         return torn
     said = traffic.nothing_known(drive.config, pipeline.health)
     return NoMapError(f"{drive.log}: {said}") if torn is None else EchogridError(f"{torn}; {said}")
-
-
-def why_none(pipeline: Pipeline, traffic: Traffic) -> str:
-    return traffic.why_no_map(pipeline.health, pipeline.state(0).reasons)

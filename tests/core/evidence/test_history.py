@@ -23,6 +23,11 @@ def detections(points: np.ndarray, origin: tuple[float, float] = (0.0, 0.0)) -> 
     return Detections(points, np.tile(origin, (len(points), 1)).astype(float), number - 20, number / 10)
 
 
+def moved(found: Detections, to_from_here: SE2) -> Detections:
+    """Into another frame."""
+    return Detections(to_from_here.apply(found.points), to_from_here.apply(found.origins), found.rcs, found.deviation)
+
+
 def one(x: float, y: float) -> Detections:
     return detections(np.array([(x, y)]))
 
@@ -32,12 +37,12 @@ def test_what_stands_in_odom_is_the_same_wherever_it_was_seen_from(here: SE2, th
     """Seen from two poses or from one, a world that stands looks the same from a third."""
     rng = np.random.default_rng(seed)
     first, second = (detections(rng.uniform(-60, 60, (count, 2)), (1.0, 2.0)) for count in (4, 3))  # in odom
-    looks = Looks.of([CORNER], [SE2(3.0, -2.0, 0.7)])  # in odom
+    looked = SE2(3.0, -2.0, 0.7)  # in odom
     seen = []
     for at in (here, there):
         history = History()
-        history.add(first.moved(at.inverse()).moved(at), looks.moved(at.inverse()).moved(at), 0.0)
-        history.add(second.moved(last.inverse()).moved(last), looks, 1.0)
+        history.add(moved(moved(first, at.inverse()), at), Looks.of([CORNER], [at @ (at.inverse() @ looked)]), 0.0)
+        history.add(moved(moved(second, last.inverse()), last), Looks.of([CORNER], [looked]), 1.0)
         seen.append(history.surroundings(last, ()))
     for key in ("points", "origins", "rcs", "deviation"):
         np.testing.assert_allclose(getattr(seen[0].past, key), getattr(seen[1].past, key), atol=1e-9)
@@ -50,9 +55,8 @@ def test_a_straight_drive_by_hand() -> None:
     """Up odom's y axis, a metre an update, past a post at (-3, 10): from the fourth metre it is 6 m ahead and 3 m to the left."""
     history = History()
     for k in range(5):
-        looks = Looks.of([CORNER], [IDENTITY])
         there = SE2(0.0, float(k), math.pi / 2)
-        history.add(detections(np.array([(10.0 - k, 3.0)]), (3.7, 0.8)).moved(there), looks.moved(there), float(k))
+        history.add(moved(detections(np.array([(10.0 - k, 3.0)]), (3.7, 0.8)), there), Looks.of([CORNER], [there]), float(k))
     around = history.surroundings(SE2(0.0, 4.0, math.pi / 2), ["front_left"])
     np.testing.assert_allclose(around.past.points, [(6.0, 3.0)] * 5, atol=1e-12)
     np.testing.assert_allclose(around.past.origins, [(-0.3, 0.8), (0.7, 0.8), (1.7, 0.8), (2.7, 0.8), (3.7, 0.8)], atol=1e-12)
@@ -107,7 +111,7 @@ def test_on_a_turntable_memory_is_bounded() -> None:
     history = History()
     for k in range(3 * MOST_UPDATES):
         turned = SE2(0.0, 0.0, 0.1 * k)
-        history.add(one(5.0, 0.0).moved(turned), Looks.of([CORNER], [IDENTITY]).moved(turned), 0.0)
+        history.add(moved(one(5.0, 0.0), turned), Looks.of([CORNER], [turned]), 0.0)
     around = history.surroundings(SE2(0.0, 0.0, 0.1 * (3 * MOST_UPDATES - 1)), ())
     assert len(around.past) == len(around.looks.place) == MOST_UPDATES == 160
     assert around.update.tolist() == list(range(2 * MOST_UPDATES, 3 * MOST_UPDATES))
@@ -127,9 +131,11 @@ def test_looks_are_from_where_the_sensor_was(bases: list[SE2]) -> None:
 
 
 @given(poses, poses)
-def test_looks_that_are_moved_are_the_moved_sensors(base: SE2, to_from_here: SE2) -> None:
+def test_looks_that_are_remembered_are_the_moved_sensors(base: SE2, to_from_here: SE2) -> None:
     sensor = to_from_here @ (base @ CORNER.base_from_sensor)
-    (found,) = Looks.of([CORNER], [base]).moved(to_from_here).place
+    history = History()
+    history.add(one(0.0, 0.0), Looks.of([CORNER], [base]), 0.0)
+    (found,) = history.surroundings(to_from_here.inverse(), ()).looks.place
     np.testing.assert_allclose(found[:2], (sensor.x, sensor.y), atol=1e-9)
     assert abs(math.remainder(found[2] - sensor.yaw, math.tau)) < 1e-9
 

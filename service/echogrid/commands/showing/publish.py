@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 from echogrid.commands.recorder import Recorder
-from echogrid.commands.replay import aside, check_outputs, first_ns, in_part, no_map, nothing_known, reported, say, true_poses, why_none
+from echogrid.commands.replay import aside, check_outputs, first_ns, in_part, no_map, nothing_known, reported, say, true_poses
 from echogrid.commands.state_log import StateLog
 from echogrid.commands.terminal import progress
 from echogrid.config.loading import load_config
@@ -95,7 +95,7 @@ def publish(
     faults = log.times.faults() + traffic.coarse(log.times) if player.ended else []
     summary = recorder.write(out, truth, faults, log.account.notes + log.times.notes() + traffic.strangers())
     if not pipeline.health.cycles and player.ended:
-        raise no_map(drive, why_none(pipeline, traffic), player.torn)
+        raise no_map(drive, traffic.why_no_map(pipeline.health, pipeline.state(0).reasons), player.torn)
     if player.torn is not None:
         raise in_part(player.torn, log, out)
     return summary

@@ -29,9 +29,6 @@ class Detections(msgspec.Struct, frozen=True, eq=False):
     def __len__(self) -> int:
         return len(self.points)
 
-    def moved(self, to_from_here: SE2) -> Detections:
-        return Detections(to_from_here.apply(self.points), to_from_here.apply(self.origins), self.rcs, self.deviation)
-
     def taken(self, some: NDArray[np.int64]) -> Detections:
         """Those of these numbers."""
         return Detections(self.points.take(some, axis=0), self.origins.take(some, axis=0), self.rcs.take(some), self.deviation.take(some))
@@ -53,11 +50,6 @@ class Looks(msgspec.Struct, frozen=True, eq=False):
             np.array([mount.half_fov for mount in mounts], dtype=float),
             np.array([mount.max_range for mount in mounts], dtype=float),
         )
-
-    def moved(self, to_from_here: SE2) -> Looks:
-        place = np.empty_like(self.place)
-        place[:, :2], place[:, 2] = to_from_here.apply(self.place[:, :2]), self.place[:, 2] + to_from_here.yaw
-        return Looks(place, self.half_fov, self.max_range)
 
 
 class Surroundings(msgspec.Struct, frozen=True, eq=False):
